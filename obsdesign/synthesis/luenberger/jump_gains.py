@@ -3,7 +3,8 @@
 The inequality of `equations.luenberger` is affine in (P_w, P_w M_w) for all cells w at once, P_w
 the matrix after a jump whose dwell time lay in w. Its margin is made as large as possible over the
 whole range of dwell times by cutting planes. With one cell this is the common P. Convex constraints
-on M go the same way, through CVXPY (`synthesis.convex_gain`).
+on M go the same way, through CVXPY (`synthesis.convex_gain`). All of it in units that balance the
+plant: z = D^-1 x and y in units near the size of its row of C D, so that M = D M_z / rows.
 Source: C. Briat, Automatica 49 (2013), Theorem 3; with cells, its P depends on the last dwell time.
 """
 
@@ -16,6 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.balancing import Scaling
+from lmi.arithmetic.balls import exact
 from lmi.families import Edge, worst
 from lmi.find.affine import Inequality, Unknown, best_margin
 from lmi.find.constrained import Constraints, constrained_matrices
@@ -56,12 +59,9 @@ def jump_gains(
     pairs: (earlier, later) cells that may follow each other; wanted: constraints on every M. The
     remarks are those of the search. InputError for constraints that are not convex.
     """
-    plant, n = problem.plant, len(F)
-    assert plant.jump is not None
-    G = plant.jump.G
-    output = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
+    plant = _BalancedPlant.from_problem(problem, F, max(high for _, high in cells))
     with np.errstate(all="ignore"):
-        grids = [Edge(F, np.eye(n), *ends).grid(_EACH_POINTS) for ends in cells]
+        grids = [Edge(plant.F, np.eye(len(F)), *ends).grid(_EACH_POINTS) for ends in cells]
     if not all(np.isfinite(flows).all() for _, flows in grids):
         return None, ()
     active = {(i, j, k) for i, j in pairs for k in (0, len(grids[j][0]) - 1)}
@@ -69,19 +69,57 @@ def jump_gains(
     for _ in range(_ROUNDS):
         if out_of_time := budget.ended():
             return best, remark_end("gains at jumps", out_of_time, matters=False)
-        if (solution := _solution(active, grids, G, output, wanted)) is None:
+        if (solution := _solution(active, grids, plant, wanted)) is None:
             return best, ()
         P, Z, margin = solution
         try:
-            M = np.array([wanted.rounded(gain) for gain in np.linalg.solve(P, Z)])
+            M = plant.restored_gains(np.linalg.solve(P, Z))
         except np.linalg.LinAlgError:  # the solver stopped before P was positive definite
             return best, ()
-        best = JumpGains(M, P, wanted.solvers)
-        more = set() if margin <= 0 else _violated((P, Z), grids, pairs, G, output)
+        M = np.array([wanted.rounded(gain) for gain in M])
+        best = JumpGains(M, plant.scaling.undone.form(P), wanted.solvers)
+        more = set() if margin <= 0 else _violated((P, Z), grids, pairs, plant)
         if more <= active:
             return best, ()
         active |= more
     return best, ()
+
+
+@dataclass(frozen=True)
+class _BalancedPlant:
+    """Flow F of the error, G and the output at jumps, in balanced units; rows: those of y (p,)."""
+
+    scaling: Scaling
+    rows: Array
+    F: Array
+    G: Array
+    output: Array
+
+    @staticmethod
+    def from_problem(problem: Problem, F: Array, longest: float) -> _BalancedPlant:
+        """longest: the longest dwell time."""
+        plant = problem.plant
+        assert plant.jump is not None
+        G = plant.jump.G
+        output = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
+        scaling = Scaling(np.ones(len(F)))
+        if np.isfinite(F).all():
+            scaling = Scaling.from_pair(exact(F), exact(G), longest)
+        output = scaling.columns(output)
+        rows = Scaling.like(np.abs(output).max(axis=1)).sizes
+        return _BalancedPlant(scaling, rows, scaling.map(F), scaling.map(G), output / rows[:, None])
+
+    def restored_gains(self, M: Array) -> Array:
+        """Gains (cells, n, p) in the units of the problem."""
+        return self.scaling.sizes[:, None] * M / self.rows
+
+    def constraints(self, wanted: ConvexGain, cells: int) -> Constraints:
+        """The constraints on M for every cell."""
+        single = wanted.constraints(self.scaling.sizes)
+        rows = np.diag(1 / self.rows)
+        return lambda values: [
+            entry for i in range(cells) for entry in single((values[i], values[cells + i] @ rows))
+        ]
 
 
 def single_jump_gain(
@@ -105,12 +143,11 @@ def single_jump_gain(
 def _solution(
     active: set[tuple[int, int, int]],
     grids: Sequence[tuple[Array, Array]],
-    G: Array,
-    output: Array,
+    plant: _BalancedPlant,
     wanted: ConvexGain,
 ) -> tuple[Array, Array, float] | None:
     """(P, P M, margin) with the largest margin at the active (earlier, later, number of theta)."""
-    count, (p, n) = len(grids), output.shape
+    count, (p, n) = len(grids), plant.output.shape
     unknowns = [Unknown(n, n, symmetric=True)] * count + [Unknown(n, p)] * count
     rows = sorted(active)
     earlier, later, _ = np.array(rows).T
@@ -119,14 +156,14 @@ def _solution(
     def inequality(*values: Array) -> Array:
         P, Z = np.array(values[:count]), np.array(values[count:])
         return equations.post_jump_inequality(
-            P[later], Z[later], G, output, flows, before=P[earlier]
+            P[later], Z[later], plant.G, plant.output, flows, before=P[earlier]
         )
 
     if wanted.is_free():
         solution = best_margin(unknowns, inequality, _CONDITION)
     else:
-        constraints = _constraints(wanted, count, n)
-        inequalities = [inequality, *_regions(wanted, count, G, output)]
+        constraints = plant.constraints(wanted, count)
+        inequalities = [inequality, *_regions(wanted, count, plant)]
         with refused_constraints():
             solution = constrained_matrices(
                 unknowns, inequalities, _CONDITION, constraints=constraints
@@ -137,22 +174,16 @@ def _solution(
     return np.array(values[:count]), np.array(values[count:]), margin
 
 
-def _constraints(wanted: ConvexGain, count: int, n: int) -> Constraints:
-    """The constraints for every cell."""
-    single = wanted.constraints(np.ones(n))
-    return lambda values: [
-        entry for i in range(count) for entry in single((values[i], values[count + i]))
-    ]
-
-
-def _regions(wanted: ConvexGain, count: int, G: Array, output: Array) -> list[Inequality]:
+def _regions(wanted: ConvexGain, count: int, plant: _BalancedPlant) -> list[Inequality]:
     """The region of the error's matrix at jumps, for all cells together."""
     if not wanted.stated.has_region():
         return []
 
     def inequality(*values: Array) -> Array:
         pairs = zip(values[:count], values[count:], strict=True)
-        return np.concatenate([wanted.inequalities(P @ G - Z @ output, P) for P, Z in pairs])
+        return np.concatenate(
+            [wanted.inequalities(P @ plant.G - Z @ plant.output, P) for P, Z in pairs]
+        )
 
     return [inequality]
 
@@ -161,15 +192,14 @@ def _violated(
     solution: tuple[Array, Array],
     grids: Sequence[tuple[Array, Array]],
     pairs: Sequence[tuple[int, int]],
-    G: Array,
-    output: Array,
+    plant: _BalancedPlant,
 ) -> set[tuple[int, int, int]]:
     """(earlier, later, number of theta) where the inequality for (P, Z) fails most."""
     P, Z = solution
     places = set()
     for i, j in pairs:
         flows = grids[j][1]
-        held = equations.post_jump_inequality(P[j], Z[j], G, output, flows, before=P[i])
+        held = equations.post_jump_inequality(P[j], Z[j], plant.G, plant.output, flows, before=P[i])
         slacks = np.linalg.eigvalsh(held)[:, 0]
         places |= {(i, j, k) for k in worst(slacks, 0.0)[:_ADDED]}
     return places

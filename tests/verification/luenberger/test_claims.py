@@ -270,3 +270,31 @@ def test_a_forged_sequence_refutes_nothing() -> None:
     for thetas in ([0.5, 0.7], [5.0], ["x"], 3):
         forged = {"dwell_stability": {"witness": {"thetas": thetas}}}
         assert claims(stated, design.gains, forged)[-1].verdict == "undecided"
+
+
+# --- laws: other units --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jump_measurement", ["before", "after"])
+@pytest.mark.parametrize("units", [(1e8, 1, 1), (1, 1e-8, 1e4), (1e-9, 1e9, 1)])
+@pytest.mark.parametrize("outputs", [(1, 1), (1e7, 1e-6)])
+def test_open_gains_are_proved_in_all_units(
+    units: tuple[float, ...], outputs: tuple[float, ...], jump_measurement: str
+) -> None:
+    """States in other units, outputs in other units: a jump that only M makes stable, and none."""
+    D, rows = np.diag(units), np.diag(outputs)
+    back = np.diag(1 / np.array(units))
+    A = np.array([[-0.3, 1, 0], [-1, -0.3, 0.2], [0, 0.4, -0.8]])
+    G = np.array([[2.0, 0.3, 0], [0, 0.5, 0.1], [0.2, 0, 0.9]])
+    C = np.array([[1, 0, 0.5], [0, 1, 0]])
+    for is_seen, expected in ((1, "proved"), (0, "refuted")):
+        outcome = obsdesign.investigate(
+            problem(
+                flow__A=(D @ A @ back).tolist(),
+                jump__G=(D @ G @ back).tolist(),
+                jump__dwell_time=[0.05, 0.2],
+                output__C=(is_seen * rows @ C @ back).tolist(),
+                output__jump_measurement=jump_measurement,
+            )
+        )
+        assert verdicts(outcome)["dwell_stability"] == expected
