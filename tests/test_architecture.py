@@ -279,6 +279,16 @@ def test_package_roots_are_light() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
+def test_the_help_and_the_version_do_without_numpy() -> None:
+    for words in (["--help"], ["design", "--help"], ["--version"]):
+        code = f"sys.argv = ['obsdesign', *{words}]; from obsdesign.cli.main import main; main()"
+        done = run_blocked(("numpy", "rich", "scipy", "flint"), code)
+        assert done.returncode == 0, done.stderr
+        assert "obsdesign" in done.stdout
+    # the twin: an answer needs them
+    assert "blocked" in run_blocked(("numpy",), "import obsdesign.cli.answers").stderr
+
+
 BLOCKER = """
 import sys
 class Blocked:

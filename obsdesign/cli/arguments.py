@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from lmi.arithmetic.arrays import NewEntries, Value
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 
 if TYPE_CHECKING:
+    from lmi.arithmetic.arrays import NewEntries, Value  # the help does without numpy
     from obsdesign.problem.problem import Problem
 
 _Command = TypeVar("_Command", bound=Callable[..., object])
