@@ -45,25 +45,51 @@ def riccati_gain(
     that do not decay at `rate` are left as they are; all others of A - L C then decay faster than
     `rate`. numpy.linalg.LinAlgError if the equation has no finite solution in floats.
     """
-    from scipy.linalg import solve_continuous_are
-
     n, p = len(A), len(C)
     if not weights:
         pace, size = float(np.abs(A).max()) + rate or 1.0, np.linalg.norm(C, axis=1)
         size = np.where(size > 0, size, 1.0)
         one = {"state": [1.0] * n, "output": [1.0] * p}
-        if pace != 1.0 or np.any(size != 1.0):
-            L = riccati_gain(A / pace, C / size[:, None], one, rate / pace)
-            return np.asarray(pace * L / size, dtype=np.float64)
-    given = weights or {}
-    Q, R = np.diag(given.get("state", np.ones(n))), np.diag(given.get("output", np.ones(p)))
+        L = riccati_gain(A / pace, C / size[:, None], one, rate / pace)
+        return np.asarray(pace * L / size, dtype=np.float64)
+    state, deviations = np.array(weights["state"]), np.sqrt(np.array(weights["output"]))
     shifted = A + riccati_shift(A, C, rate) * np.eye(n)
     with np.errstate(all="ignore"):  # overflow in there shows in the result
-        S = solve_continuous_are(shifted.T, C.T, Q, R)
-        L = np.asarray(np.linalg.solve(R, C @ S).T, dtype=np.float64)
+        L = kalman_gain(shifted, C / deviations[:, None], np.diag(state)) / deviations
+    return np.asarray(L, dtype=np.float64)
+
+
+def kalman_gain(A: Matrix, C: Matrix, W: Matrix) -> Matrix:
+    """L = S C', (n, p), with A S + S A' - S C'C S + W = 0, in units that balance all its terms.
+
+    W (n, n): covariance of the process noise, that of the outputs is the identity.
+    numpy.linalg.LinAlgError where floats hold no solution.
+    """
+    from scipy.linalg import solve_continuous_are
+
+    n, p = len(A), len(C)
+    sizes, pace = balancing_units(A, C, np.zeros((n, 0)))
+    flow, output = A * sizes / sizes[:, None] / pace, C * sizes
+    noise = W / sizes / sizes[:, None] / pace
+    # S = unit D S_z D makes the quadratic term and the noise of one size
+    unit = np.sqrt(np.abs(noise).max() * pace) / (np.linalg.norm(output, 2) or 1.0)
+    scaled = output * np.sqrt(unit / pace)
+    try:
+        S = solve_continuous_are(flow.T, scaled.T, noise / unit, np.eye(p))
+    except ValueError as error:  # of floats that overflow or do not resolve the equation
+        raise np.linalg.LinAlgError(str(error)) from None
+    L: Matrix = unit * sizes[:, None] * (S @ output.T)
     if not np.isfinite(L).all():
         raise np.linalg.LinAlgError("the Riccati equation has no finite solution in floats")
     return L
+
+
+def no_kalman_gain(gain: str) -> InputError:
+    """What to say where no gain of stated weights is known."""
+    return InputError(
+        f"observer.weights: the Riccati equation for {gain} has no finite solution in floats; is "
+        "some state hardly observable, or are the weights of very different sizes?"
+    )
 
 
 def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:

@@ -17,7 +17,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.given_gains import refuse_second_choice
-from obsdesign.synthesis.placement import placed_gain, riccati_gain
+from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
 
 _LARGEST_SPEED_RATIO = 1e3  # size of A - K C against that of A
 # poles of the observer against those of the plant and each other
@@ -43,10 +43,7 @@ def observer_gain(problem: Problem, window: float) -> Matrix:
     try:
         return riccati_gain(A, C, options.weights)
     except np.linalg.LinAlgError:
-        raise InputError(
-            "observer.weights: the Riccati equation for K has no finite solution in floats; is "
-            "some state hardly observable, or are the weights of very different sizes?"
-        ) from None
+        raise no_kalman_gain("K") from None
 
 
 def _default_gain(problem: Problem, window: float) -> Matrix:

@@ -44,7 +44,7 @@ from obsdesign.synthesis.given_gains import (
 from obsdesign.synthesis.luenberger.flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
-from obsdesign.synthesis.placement import placed_gain, riccati_gain
+from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
 
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
@@ -136,13 +136,17 @@ def _flow_gains(
 def riccati_gains(
     A: Matrix, C: Matrix, weights: Mapping[str, tuple[float, ...]] | None, rate: float
 ) -> Iterator[tuple[str, Matrix]]:
-    """Yield gains L (n, p) of growing speed, with their labels."""
+    """Yield gains L (n, p) of growing speed, with their labels; InputError: none of weights."""
+    is_known = False
     for factor, faster in zip(FASTER, faster_rates(A, rate), strict=True):
         try:
             L = riccati_gain(A, C, weights, faster)
         except np.linalg.LinAlgError:  # no finite solution in floats: not this one
             continue
+        is_known = True
         yield "Riccati L" + (f", {factor:g} x faster" if factor else ""), L
+    if weights and not is_known:
+        raise no_kalman_gain("L")
 
 
 def _refuse_fixed_choice(options: LuenbergerOptions, wanted: ConvexGain) -> None:

@@ -16,7 +16,7 @@ from obsdesign.analysis.stated_poles import complex_text, with_conjugates
 from obsdesign.errors import InputError
 from obsdesign.problem.options import Pole, UnknownInputOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.placement import placed_gain
+from obsdesign.synthesis.placement import kalman_gain, placed_gain
 from obsdesign.synthesis.unknown_input.reduced_system import Reduced, output_variances
 
 
@@ -77,12 +77,9 @@ def _placed(poles: Sequence[Pole], system: Reduced) -> Matrix:
 
 def _kalman(A: Matrix, C: Matrix, W: Matrix, noise: Matrix) -> Matrix:
     """S C' V^-1, V = noise noise', in outputs whose noise is white and of unit size."""
-    from scipy.linalg import solve_continuous_are
-
     R = np.asarray(np.linalg.qr(noise.T)[1])
     white = np.linalg.solve(R.T, C)
-    S = solve_continuous_are(A.T, white.T, W, np.eye(len(R)))
-    return np.asarray(np.linalg.solve(R, white @ S).T)
+    return np.asarray(np.linalg.solve(R, kalman_gain(A, white, W).T).T)
 
 
 def _free_poles(poles: Sequence[Pole], system: Reduced) -> list[Pole]:
