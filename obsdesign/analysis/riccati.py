@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
+from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 
 # decay rates that are tried in turn, beyond the stated one, in parts of the plant's fastest mode
 FASTER = (0.0, 1.0, 4.0)
+# left between a hidden mode and a decay that is wanted, in parts of the plant's pace
+_MARGIN = 1e-3
 
 
 def faster_rates(A: Matrix, rate: float) -> tuple[float, ...]:
@@ -22,4 +27,5 @@ def riccati_shift(A: Matrix, C: Matrix, rate: float) -> float:
     Less than the rate where an unobservable mode does not decay so fast, which leaves no solution.
     """
     hidden = [mode.eigenvalue.real for mode in approx_unobservable_modes(A, C)]
-    return rate - max([0.0, *(value + rate + 1e-3 * (1 + abs(value)) for value in hidden)])
+    pace = balancing_units(A, C, np.zeros((len(A), 0)))[1]
+    return rate - max([0.0, *(value + rate + _MARGIN * (pace + abs(value)) for value in hidden)])

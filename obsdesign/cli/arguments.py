@@ -80,7 +80,7 @@ def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:
     """The problem in a file, for its own kind or another, and the entries dropped for that."""
     from obsdesign.problem.problem import load_for_kind, load_problem
 
-    return load_for_kind(path, kind) if kind else (load_problem(path), [])
+    return (load_problem(path), []) if kind is None else load_for_kind(path, kind)
 
 
 def source_of(source: str) -> Problem:

@@ -104,6 +104,8 @@ def _checked_body(text: str, design: Design, path: str) -> NewEntries:
             f"{path}: design must be {own!r}, the one that runs; got {body['design']!r}. Was it "
             "saved by another design?"
         )
+    if body["kind"] != design.kind:
+        raise InputError(f"{path}: kind must be {design.kind!r}; got {body['kind']!r}.")
     return body
 
 

@@ -178,6 +178,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         (signed(body | {"version": 1}), "version must be 3; got 1"),
         (signed(body | {"format": "x"}), "format must be 'obsdesign/state'"),
         (signed(body | {"design": "sha256:0"}), "Was it saved by another design?"),
+        (signed(body | {"kind": "impulsive"}), "kind must be 'interval'; got 'impulsive'"),
         (signed(body | {"more": 1}), "its keys must be"),
     ):
         assert change != text

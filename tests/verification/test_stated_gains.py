@@ -120,6 +120,44 @@ def test_a_pole_slower_than_the_decay_rate_is_refuted_and_its_twin_proved() -> N
         assert obsdesign.investigate(stated).verdict == verdict
 
 
+SCALES = [
+    ([1.0, 1.0], [1.0, 1.0], 1.0),
+    ([1.0, 1.0], [1e6, 1e-6], 1.0),
+    ([1e7, 1e-7], [1e-9, 1e3], 1e9),
+    ([1e-8, 1e8], [1.0, 1e12], 1e-9),
+]
+
+
+@pytest.mark.parametrize("case", SCALES)
+def test_weights_in_other_units_give_the_same_gain(case: Any) -> None:
+    """x and y in other units, and time: L in them, proved, and its forgery refuted."""
+    (D, rows), pace = map(np.diag, case[:2]), case[2]
+    back = np.linalg.inv(D)
+    A, C = np.array([[-0.3, 1.0], [-2, 0.1]]), np.array([[1.0, 0], [0.5, 2]])
+    state, output = np.array([1.0, 3.0]), np.array([0.2, 5.0])
+    own = luenberger(A, C, weights={"state": state.tolist(), "output": output.tolist()})
+    # per unit of time: densities of the process grow with it, those of the noise shrink
+    weights = {
+        "state": (pace * np.diag(D) ** 2 * state).tolist(),
+        "output": (np.diag(rows) ** 2 * output / pace).tolist(),
+    }
+    other = luenberger((pace * D @ A @ back).tolist(), (rows @ C @ back).tolist(), weights=weights)
+    body = saved(other)
+    assert verdict_of(body) == "proved"
+    expected = pace * D @ obsdesign.design(own).gains["L"] @ np.linalg.inv(rows)
+    np.testing.assert_allclose(body["gains"]["L"], expected, rtol=1e-9)
+    forged = {"state": weights["state"], "output": [1.01 * x for x in weights["output"]]}
+    assert verdict_of(body, weights=forged) == "refuted"
+
+
+def test_weights_without_a_gain_are_refused_in_one_line() -> None:
+    hidden = luenberger([[1.0, 0], [0, 1e-140]], [[1, 0]], weights={"state": [1e-150, 1e150]})
+    with pytest.raises(
+        obsdesign.InputError, match=r"observer\.weights: the Riccati equation for L"
+    ):
+        obsdesign.investigate(hidden)
+
+
 @pytest.mark.parametrize(
     ("true", "forged"),
     [

@@ -19,6 +19,7 @@ from lmi.decide.dwell_search import Bracket, dwell_bracket
 from lmi.time_budget import Remark, TimeBudget
 from lmi.verdict import overall
 from obsdesign.document import Claim
+from obsdesign.entries import SMALLEST
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -96,6 +97,8 @@ class Attempt:
         ends = search.ends(end)
         if math.isinf(ends[0]):  # of an endless range nothing is left: the file's own is no better
             ends = search.problem.require_dwell_time()
+        if ends[1] == 0:  # no range, but part of the shortest one
+            ends = (0.0, SMALLEST)
         gains = {**self.gains, "dwell_time": list(ends)}
         verification = verification_of(search.problem.require_kind())
         claims = verification.claims(

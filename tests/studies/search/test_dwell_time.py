@@ -55,6 +55,28 @@ def test_published_limits_are_bracketed(
         assert obsdesign.investigate(problem.with_dwell_time(*ends)).verdict == verdict
 
 
+@pytest.mark.parametrize("kind", ["interval", "luenberger"])
+@pytest.mark.parametrize(
+    ("A", "G", "dwell", "proved"),
+    [(1, 2, [0, 0.5], False), (-1, 1, [0, "inf"], False), (-1, -1, [0, 1], False), (1, 0.5, [0, 1], True)],
+)  # fmt: skip
+def test_a_range_that_ends_at_zero_is_refuted_by_its_jump(
+    kind: str, A: float, G: float, dwell: list[Any], proved: bool
+) -> None:
+    zero = [[0.0]]
+    problem = obsdesign.Problem(
+        flow={"A": [[A]]}, jump={"G": [[G]], "dwell_time": dwell},
+        output={"C": [[1]], "noise_bound": [0.0]},
+        observer={"kind": kind, "gains": {"L": zero, "M": zero}},
+    )  # fmt: skip
+    outcome = search(problem, "longest_dwell")
+    assert (outcome.verdict == "proved") == proved
+    if proved:
+        assert outcome.result["proved"] == pytest.approx(math.log(2), rel=1e-5)
+    else:
+        assert outcome.result["not_proved"] == 0.0
+
+
 @pytest.mark.parametrize(
     ("name", "limit"), [("degue_4_1", math.log(2)), ("degue_4_3", 2.8221351564360697)]
 )

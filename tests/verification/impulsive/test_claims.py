@@ -10,6 +10,7 @@ import pytest
 import obsdesign
 from obsdesign.equations.impulsive.formulas import Core, window_gains
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
+from obsdesign.errors import InputError
 from tests.systems.impulsive import (
     DOUBLE,
     OSCILLATOR,
@@ -134,6 +135,14 @@ def test_no_longest_spacing_is_refused_with_the_reason() -> None:
         "jump.dwell_time has no longest spacing: the bounds of the window, and with them uniform "
         "convergence, need one; give a finite jump.dwell_time[1]"
     )
+
+
+@pytest.mark.parametrize("strategy", ["subspace", "quadratic"])
+def test_parts_and_cells_of_an_endless_range_are_refused(strategy: str) -> None:
+    with pytest.raises(InputError, match=rf"observer\.strategy = '{strategy}' is built for a"):
+        investigate(DOUBLE, [0.5, "inf"], strategy=strategy)
+    for other in ("full", "compressed"):
+        assert investigate(DOUBLE, [0.5, "inf"], strategy=other).verdict == "refuted"
 
 
 def test_too_short_a_window_is_refused() -> None:
