@@ -102,7 +102,8 @@ def _draw_strip(axis: Axes, strip: Strip) -> None:
     bars = np.column_stack([strip.lower, strip.upper, np.full(len(strip.t), np.nan)]).ravel()
     wide = float(np.clip(300 / len(strip.t), 1.0, 4.0))
     axis.plot(rows, bars, color=_STRIP, alpha=0.5, lw=wide, zorder=_BETWEEN,
-              solid_capstyle="butt", label="sensor strip")  # fmt: skip
+              solid_capstyle="butt")  # fmt: skip
+    axis.fill_between([], [], color=_STRIP, alpha=0.5, lw=0, label="sensor strip")
 
 
 def _limits(own: tuple[Matrix, Matrix], drawn: tuple[float, float]) -> tuple[float, float]:

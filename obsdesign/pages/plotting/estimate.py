@@ -136,7 +136,7 @@ def _state(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None = 
         axis.plot(record.data_t, data.numbers(name), ".", color=_TRUTH, ms=4, label="true state")
     elif name in data:
         split, pieces = with_gaps(record.data_t, [data.numbers(name)], record.jumps)
-        axis.plot(split, pieces[0], color=_TRUTH, lw=1.1, label="true state")
+        axis.plot(split, pieces[0], color=_TRUTH, lw=0.9 if strip else 1.1, label="true state")
     axis.set_ylabel(_symbol(name), **_SYMBOL)
     axis.margins(x=0.01)
 

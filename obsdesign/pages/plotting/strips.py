@@ -23,7 +23,7 @@ class Strip:
 
 
 def strips_of(output: Output, data: Table) -> Mapping[str, Strip]:
-    """Name of a state -> its strip, where an output is this state alone; of several the narrowest.
+    """Strips by the names of states that an output measures alone; of several the narrowest.
 
     They rest on the declared bounds of the noise. InputError if the data lack an output.
     """
