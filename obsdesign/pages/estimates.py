@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from lmi.arithmetic.arrays import NewEntries
 from obsdesign import workflow
 from obsdesign.data.execution import Tally, execute
-from obsdesign.data.records import table_text
+from obsdesign.data.records import read_columns, table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.design_file import load_design
 from obsdesign.document import Design, jsonable
@@ -29,9 +30,8 @@ from obsdesign.studies.error_bounds import error_bounds
 
 # processor time for an interval observer to compare set-membership bounds with
 _INTERVAL_SECONDS = 4.0
-_NO_INTERVAL = (
-    " No interval observer of this plant, to be drawn beside, was proved within "
-    f"{_INTERVAL_SECONDS:g} s."
+_OTHER_MEANING = (
+    "columns {} are bounds of w for kind set_membership and of b or c for kind interval"
 )
 
 
@@ -43,16 +43,23 @@ class DataSource:
     initial: Sequence[float] | None = None
 
 
-def design_beside(design: Design, path: str | None) -> Design | None:
+def design_beside(design: Design, path: str | None, data: str | None = None) -> Design | None:
     """The design whose bounds are drawn beside those of another; None where there is none.
 
     path: its file, proved again; without one, kind set_membership is compared with the interval
-    observer of the same plant, where one is proved. InputError for a design of another plant,
-    without bounds, or not proved.
+    observer of the same plant, where one is proved. data: the file that both are run on. InputError
+    for a design of another plant, without bounds, not proved, or that reads the data otherwise.
     """
+    titles = _ambiguous_columns(design, data)
     if path is not None:
-        return _stated(design, path)
-    if design.kind != "set_membership":
+        other = _stated(design, path)
+        if titles and other.kind != design.kind:
+            words = _OTHER_MEANING.format(", ".join(titles))
+            raise InputError(
+                f"{data}: data without bounds of rows are required by --beside; {words}."
+            )
+        return other
+    if design.kind != "set_membership" or titles:
         return None
     try:
         problem = Problem.from_dict(design.problem).for_kind("interval")[0]
@@ -76,6 +83,15 @@ def _stated(design: Design, path: str) -> Design:
     if verdict != "proved":
         raise InputError(f"{path}: a proved design is required; its verdict is {verdict}.")
     return other
+
+
+def _ambiguous_columns(design: Design, data: str | None) -> list[str]:
+    """Columns of bounds whose meaning depends on the kind, for a plant with disturbance_matrix."""
+    plant = Problem.from_dict(design.problem).plant
+    blocks = {"b": plant.flow, "c": plant.jump}
+    letters = [x for x, block in blocks.items() if block and block.disturbance_matrix is not None]
+    titles = [] if data is None or not letters else list(read_columns(data))
+    return [title for title in titles if re.fullmatch(rf"[{''.join(letters)}]\d+_(lo|hi)", title)]
 
 
 def _plant(design: Design) -> NewEntries:
@@ -117,7 +133,7 @@ def estimate_of(
     title = "On a simulation" if data.path is None else "On data"
     caption = _caption(tally, data.path)
     if beside is None and design.kind == "set_membership":
-        caption += _NO_INTERVAL
+        caption += _why_alone(design, data.path)
     entries = {"title": title, "image": inline(svg), "caption": caption}
     return {**entries, "beside": rows, "bounds": bounds}
 
@@ -170,6 +186,17 @@ def _caption(tally: Tally, data: str | None) -> str:
     statuses = ", ".join(f"{number} {status}" for status, number in counts)
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
     return f"{tally.rows} rows {origin}: {statuses}."
+
+
+def _why_alone(design: Design, data: str | None) -> str:
+    """Why no interval observer stands beside set-membership bounds."""
+    if titles := _ambiguous_columns(design, data):
+        words = _OTHER_MEANING.format(", ".join(titles))
+        return f" No interval observer is drawn beside: {words}."
+    return (
+        " No interval observer of this plant, to be drawn beside, was proved within "
+        f"{_INTERVAL_SECONDS:g} s."
+    )
 
 
 def _bounds(design: Design, record: ComparisonRecord, estimate: Table) -> NewEntries | None:

@@ -87,3 +87,25 @@ def test_only_proved_bounds_of_the_same_plant_stand_beside(
         with pytest.raises(InputError, match=words):
             write_report(str(path), str(out), beside=str(other))
     assert not out.exists()
+
+
+@pytest.mark.parametrize("title", ["b1", "v1"])
+def test_columns_that_kinds_read_otherwise_are_not_compared(title: str, tmp_path: Path) -> None:
+    matrix = {"disturbance_matrix": [[3.0], [0.0]], "disturbance": {"lower": [0], "upper": [0.1]}}
+    body = BODY | {"flow": {"A": BODY["flow"]["A"], **matrix}}
+    paths = []
+    for kind in ("set_membership", "interval"):
+        paths.append(tmp_path / f"{kind}.json")
+        obsdesign.design(Problem.from_dict(body).for_kind(kind)[0]).save(paths[-1])
+    data, out = tmp_path / "data.csv", tmp_path / "page.html"
+    data.write_text(
+        f"t,y1,{title}_lo,{title}_hi\n" + "".join(f"{k / 2},1,0,0.01\n" for k in range(6))
+    )
+    source = DataSource(str(data), [0.0, 3.0, 0.0, 3.0])
+    read_alike = title == "v1"  # noise is that of the output for both
+    if not read_alike:
+        with pytest.raises(InputError, match="b1_lo, b1_hi are bounds of w for kind"):
+            write_report(str(paths[0]), str(out), source, str(paths[1]))
+    write_report(str(paths[0]), str(out), source)
+    assert ("<!-- interval -->" in _picture(out.read_text("utf-8"))) == read_alike
+    assert ("bounds of w" in out.read_text("utf-8")) != read_alike
