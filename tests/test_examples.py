@@ -11,7 +11,8 @@ import pytest
 
 import obsdesign
 from obsdesign.data.simulation import simulate
-from obsdesign.problem.options import ImpulsiveOptions
+from obsdesign.kinds import GIVING_BOUNDS
+from obsdesign.problem.options import ImpulsiveOptions, SetMembershipOptions
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
 from tests.systems.impulsive_input import record
@@ -34,8 +35,9 @@ def test_an_example_is_proved_and_runs(path: Path) -> None:
     assert obsdesign.verify(design).verdict == "proved"
     record = simulate(problem.plant, rng=np.random.default_rng(2))
     observer = from_design(design)
-    n = problem.plant.n
-    initial = [-3.0, 3.0] * n if design.kind == "interval" else None
+    x = record.block("x")[0]
+    bounds = np.column_stack([x - 3.0, x + 2.0]).ravel().tolist()
+    initial = bounds if design.kind in GIVING_BOUNDS else None
     state = observer.start(float(record.t[0]), initial)
     given = {letter: record.block(letter) for letter in "uw" if record.block(letter).size}
     samples = rows_of(record.t, record.block("y"), **given, jump=record.columns.get("jump"))
@@ -84,6 +86,31 @@ def test_an_example_from_file_to_bounds(path: Path, disturbance: str) -> None:
     # bounds that say nothing would pass as well: after a while they are no wider than the motion
     width = (batch.upper - batch.lower)[-50:].max()
     assert width < 20.0
+
+
+@pytest.mark.parametrize("disturbance", ["extreme", "random"])
+@pytest.mark.parametrize("path", of_kind("set_membership"), ids=lambda p: p.stem)
+def test_an_example_of_tight_bounds_keeps_its_certified_width(path: Path, disturbance: str) -> None:
+    problem = obsdesign.load_problem(path)
+    plant = problem.plant
+    outcome = obsdesign.investigate(problem)
+    states = outcome.result["states"]
+    assert all(row["best"] <= row["width"] <= 1.2 * row["best"] for row in states)
+    record = simulate(
+        plant, until=5.0, dwell="shortest", disturbance=disturbance, rng=np.random.default_rng(1)
+    )
+    x, observer = record.block("x"), from_design(outcome.design)
+    state = observer.start(record.t[0], np.column_stack([x[0] - 1, x[0] + 2]).ravel())
+    samples = rows_of(record.t, record.block("y"), record.block("u"), jump=record.columns["jump"])
+    rows = list(observer.run(state, samples))
+    assert {row.status for row in rows} == {"ok"}
+    low, high = (np.array([getattr(row, end) for row in rows]) for end in ("lower", "upper"))
+    assert ((low <= x) & (x <= high)).all()
+    along = x @ np.transpose(problem.options_as(SetMembershipOptions).directions)
+    ends = np.array([row.directions for row in rows])
+    assert ((ends[:, 0] <= along) & (along <= ends[:, 1])).all()
+    certified = [row["width"] for row in states]
+    assert ((high - low)[-20:] <= np.multiply(certified, 1 + 1e-6)).all()
 
 
 def script(name: str) -> Any:

@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from docs.figures.demo import numbers
+from obsdesign.pages.plotting.estimate_record import Table
+
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text("utf-8")
 SETUP = re.findall(r"^    (python3 .*)$", README, flags=re.MULTILINE)
@@ -36,16 +39,33 @@ def test_the_demo_makes_what_it_says(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "obsdesign-demo"
     made = {path.name for path in folder.iterdir()}
-    assert made == {"problem.toml", "design.json", "data.csv", "estimate.csv", "estimate.png"}
-    rows, kept = map(
-        int, re.search(r"(\d+) rows of data, guarantee held on (\d+)", done.stdout).groups()
-    )
-    assert rows == kept > 100
+    runs = {f"{kind}.{end}" for kind in ("set_membership", "interval") for end in ("json", "csv")}
+    assert made == runs | {"problem.toml", "data.csv", "bounds.png"}
+    rows = re.findall(r"(\d+) rows of data, guarantee held on (\d+)", done.stdout)
+    assert len(rows) == 2
+    for count, kept in rows:
+        assert int(count) == int(kept) > 100
+    check_caption(folder)
+
+
+def check_caption(folder: Path) -> None:
+    """The numbers below the picture are those of its files, whose bounds contain the state."""
+    text = " ".join(README.split())
+    narrower = re.search(r"on average ([\d.]+) times narrower for x₁ and ([\d.]+) times", text)
+    share = re.search(r"on ([\d.]+) % of the rows the blue bounds", text)
+    stated = [*map(float, narrower.groups()), float(share.group(1)) / 100]
+    assert numbers(folder) == pytest.approx(stated, rel=0.02)
+    truth = Table.from_file(str(folder / "data.csv"))
+    for kind in ("set_membership", "interval"):
+        bounds = Table.from_file(str(folder / f"{kind}.csv"))
+        for name in ("x1", "x2"):
+            assert (bounds.numbers(f"{name}_lo") <= truth.numbers(name)).all()
+            assert (truth.numbers(name) <= bounds.numbers(f"{name}_hi")).all()
 
 
 def test_console_block(tmp_path: Path) -> None:
     commands = re.findall(r"^\$ obsdesign (.*)$", block("console"), flags=re.MULTILINE)
-    assert len(commands) == 9
+    assert len(commands) == 12
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     for line in commands:
         done = subprocess.run(
@@ -54,6 +74,7 @@ def test_console_block(tmp_path: Path) -> None:
         )  # fmt: skip
         assert done.returncode == 0, (line, done.stderr)
     assert (tmp_path / "estimate.png").exists()
+    assert (tmp_path / "both.png").exists()
 
 
 def test_python_block(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -137,7 +137,8 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     console = output_console()
     colour = _COLOURS[outcome.verdict]
     chosen, seconds = outcome.result.get("form"), outcome.result.get("seconds")
-    form = "" if chosen is None else f", form {chosen}"
+    word = "form " if outcome.kind == "interval" else ""
+    form = "" if chosen is None else f", {word}{chosen}"
     console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")
     if rows := outcome.result.get("states"):
         console.print(_state_table(rows))

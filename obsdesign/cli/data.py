@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -17,6 +18,9 @@ from obsdesign.cli.arguments import (
 )
 from obsdesign.cli.talk import is_quiet, on_stderr, say, warn
 from obsdesign.errors import InputError
+
+if TYPE_CHECKING:
+    from obsdesign.problem.plant import Output
 
 
 @click.command()
@@ -128,7 +132,19 @@ def run(
 @click.option(
     "--events", type=click.Path(), help="Draw the impulses of this file too, with the measurements."
 )
-def plot(estimate: str, data: str | None, output: str, events: str | None) -> int:
+@click.option(
+    "--beside", type=click.Path(), help="Draw the bounds of this estimate file too, and all widths."
+)
+@click.option(
+    "--design",
+    "design_file",
+    type=click.Path(),
+    help="Draw the sensor strips of the plant of this design, and the widths.",
+)
+def plot(
+    *, estimate: str, data: str | None, output: str, events: str | None, beside: str | None,
+    design_file: str | None,
+) -> int:  # fmt: skip
     """Picture an estimate file, against the true state where DATA.csv has it.
 
     ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved;
@@ -136,11 +152,11 @@ def plot(estimate: str, data: str | None, output: str, events: str | None) -> in
     """
     from obsdesign.output_files import refuse_overwriting
 
-    refuse_overwriting(output, estimate, data, events)
+    refuse_overwriting(output, estimate, data, events, beside, design_file)
     suffix = Path(estimate).suffix.lower()
     if suffix in (".json", ".jsonl"):
         what = "an answer" if suffix == ".json" else "a sweep"
-        for other in (data, events):
+        for other in (data, events, beside, design_file):
             if other is not None:
                 raise InputError(f"{other}: belongs to an estimate file; {estimate} is {what}.")
     if suffix == ".jsonl":
@@ -152,11 +168,20 @@ def plot(estimate: str, data: str | None, output: str, events: str | None) -> in
 
         plot_dwell(answer_of(estimate), output, estimate)
     else:
-        from obsdesign.pages.plotting.estimate import plot_estimate
+        from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
 
-        plot_estimate(estimate, data, output, events)
+        output_block = None if design_file is None else _output_of(design_file)
+        plot_estimate(estimate, data, output, events, Comparison(beside, output_block))
     say(f"written: {output}")
     return 0
+
+
+def _output_of(design_file: str) -> Output:
+    """What the plant of a design measures."""
+    from obsdesign.design_file import load_design
+    from obsdesign.problem.problem import Problem
+
+    return Problem.from_dict(load_design(design_file).problem).plant.output
 
 
 @click.command()

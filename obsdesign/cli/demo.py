@@ -16,9 +16,11 @@ from obsdesign.data.simulation import simulate
 from obsdesign.design_file import load_design
 from obsdesign.errors import InputError
 from obsdesign.output_files import write_text
-from obsdesign.pages.plotting.estimate import plot_estimate
-from obsdesign.problem.problem import load_problem
+from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
+from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import load_for_kind
 
+_KINDS = ("set_membership", "interval")
 _INITIAL_TRUTH = [1.0, 1.0]
 _INITIAL_BOUNDS = [0.0, 2.0, 0.0, 2.0]
 
@@ -29,24 +31,40 @@ def run_demo(folder: Path) -> int:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made a folder: {error.strerror}.") from None
-    names = ("problem.toml", "design.json", "data.csv", "estimate.csv", "estimate.png")
-    problem, design, data, estimate, picture = (str(folder / name) for name in names)
+    problem, data, picture = (str(folder / name) for name in ("problem.toml", "data.csv",
+                                                              "bounds.png"))  # fmt: skip
+    estimates = {kind: str(folder / f"{kind}.csv") for kind in _KINDS}
+    designs = {kind: str(folder / f"{kind}.json") for kind in _KINDS}
     write_text(problem, files("obsdesign").joinpath("cli/demo.toml").read_text("utf-8"))
-    outcome = workflow.investigate(load_problem(problem))
+    for kind, design in designs.items():
+        if code := _designed(problem, kind, design):
+            return code
+    plant = load_for_kind(problem, _KINDS[0])[0].plant
+    _simulate(plant, data)
+    for kind, design in designs.items():
+        tally = execute(design, data, estimates[kind], _INITIAL_BOUNDS, None)
+        click.echo(f"{kind}: {tally.rows} rows of data, guarantee held on {tally.good}")
+    own, other = estimates.values()
+    plot_estimate(own, data, picture, None, Comparison(other, plant.output))
+    click.echo("written:")
+    for name in (problem, *designs.values(), data, *estimates.values(), picture):
+        click.echo(f"  {name}")
+    return 0
+
+
+def _designed(problem: str, kind: str, design: str) -> int:
+    """Write and show a design that is proved, and proved again; the exit code."""
+    outcome = workflow.investigate(load_for_kind(problem, kind)[0])
     if outcome.verdict != "proved" or outcome.design is None:
         show(outcome)
         return EXIT_CODES[outcome.verdict]
     outcome.design.save(design)
     show(workflow.verify(load_design(design)))
-    rng = np.random.default_rng(4)
-    record = simulate(
-        load_problem(problem).plant, until=12.0, step=0.02, initial=_INITIAL_TRUTH,
-        disturbance="sine", rng=rng,
-    )  # fmt: skip
-    write_text(data, table_text(record.columns))
-    tally = execute(design, data, estimate, _INITIAL_BOUNDS, None)
-    plot_estimate(estimate, data, picture)
-    click.echo(f"{tally.rows} rows of data, guarantee held on {tally.good}; written:")
-    for name in names:
-        click.echo(f"  {folder / name}")
     return 0
+
+
+def _simulate(plant: Plant, data: str) -> None:
+    record = simulate(
+        plant, until=12.0, step=0.02, initial=_INITIAL_TRUTH, rng=np.random.default_rng(4)
+    )
+    write_text(data, table_text(record.columns))

@@ -65,18 +65,27 @@ def compare(
 )
 @click.option("--initial", help="Where it starts, as `run` takes it.")
 @click.option(
+    "--beside",
+    type=click.Path(),
+    help="Draw the bounds of this design of the same plant too.  [default: of kind interval, if "
+    "DESIGN is of kind set_membership]",
+)
+@click.option(
     "-o", "--output", type=click.Path(), default="report.html", show_default=True, help="HTML file."
 )
-def report(design_file: str, data: str | None, initial: str | None, output: str) -> int:
+def report(
+    *, design_file: str, data: str | None, initial: str | None, beside: str | None, output: str
+) -> int:
     """Prove DESIGN again and show it on one page: guarantees, claims, gains, an estimate."""
     from obsdesign.cli.answers import EXIT_CODES
     from obsdesign.output_files import refuse_overwriting
+    from obsdesign.pages.estimates import DataSource
     from obsdesign.pages.report import write_report
     from obsdesign.verification.answers import reason
 
-    refuse_overwriting(output, design_file, data)
+    refuse_overwriting(output, design_file, data, beside)
     start = None if initial is None else numbers(initial, "--initial")
-    outcome = write_report(design_file, output, data, start)
+    outcome = write_report(design_file, output, DataSource(data, start), beside)
     if outcome.verdict == "refuted":
         failed = [claim for claim in outcome.claims if claim.verdict == "refuted"]
         say("refuted: " + "; ".join(f"{c.id}: {reason(c)}" for c in failed))

@@ -48,6 +48,9 @@ def test_both_commands_give_the_same_numbers_of_each_state(
     assert [row["strip"] for row in rows] == [None, 0.03]
     assert {"name", "unit", "strip", "width", "typical", "best"} < set(rows[0])
     assert all(row["best"] <= row["width"] for row in rows)
+    assert "set_membership, window of 8 stages" in _answer(
+        capsys, "design", str(problem), "-o", str(design)
+    )
     shown = _answer(capsys, "verify", str(design))
     assert shown.index("sensor strip") < shown.index("observable_window")
     assert f"{rows[0]['width']:.4g}" in shown

@@ -15,6 +15,7 @@ import obsdesign
 from obsdesign.equations.finite_time.error_integrals import period_integrals
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.pages.error_bounds import error_table
+from obsdesign.pages.estimates import DataSource
 from obsdesign.pages.report import write_report
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
@@ -173,7 +174,7 @@ def test_the_report_shows_them_first_as_numbers(tmp_path: Any) -> None:
     for name, design in (("14", DESIGN), ("exact", obsdesign.design(problem("exact")))):
         path = tmp_path / f"{name}.json"
         design.save(path)
-        write_report(str(path), str(page), str(data))
+        write_report(str(path), str(page), DataSource(str(data)))
         html = page.read_text("utf-8")
         assert ("Bounds of the error along the record" in html) == (name == "14")
         assert ("<td>446.151</td>" in html) == (name == "14")

@@ -2,22 +2,26 @@
 
 One panel per state: the bounds as a band or the estimate as a line, the true state where the
 data has it, jump instants as vertical ticks, rows without guarantee marked on the time axis.
+Bounds that are compared, with another observer or with the sensor, have a panel of widths beside.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from lmi.arithmetic.arrays import Array, Entries, Matrix
+from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths, with_gaps
 from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
+from obsdesign.pages.plotting.strips import Strip, strips_of
 from obsdesign.pages.plotting.style import BLACK, BLUE, VERMILION, check_output, picture
+from obsdesign.problem.plant import Output
 
-# with more jumps than this part of the rows, nothing is known between them: no lines are drawn
-_ROWS_ONLY = 0.9
 _STACKED = 4  # with more panels there are two columns of them
 _LABELLED = 12  # impulses whose times fit above their bars
 _EXPECTED = ("unresolved", "provisional: the record ends inside its window")
@@ -25,16 +29,38 @@ _TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
 _SYMBOL: Entries = {"rotation": 0, "ha": "right", "va": "center", "fontsize": 11}
 
 
-def plot_estimate(estimate: str, data: str | None, output: str, events: str | None = None) -> None:
+@dataclass(frozen=True)
+class Comparison:
+    """What bounds are compared with: another estimate file, and sensor strips of an output."""
+
+    other: str | None = None
+    output: Output | None = None
+
+    def strips(self, data: Table) -> Mapping[str, Strip]:
+        """Sensor strips by state; none without an output or data."""
+        return {} if self.output is None else strips_of(self.output, data)
+
+
+NOTHING = Comparison()
+
+
+def plot_estimate(
+    estimate: str, data: str | None, output: str, events: str | None = None,
+    compared: Comparison = NOTHING,
+) -> None:  # fmt: skip
     """Draw an estimate file, with the truth and the jumps of a data file, into a PNG or SVG.
 
     events: an event file; its impulses become bands of two deviations and a panel of weights, with
-    the measurements of the data above.
+    the measurements of the data above. compared: what bounds are drawn beside, with their widths.
 
     InputError for files that cannot be read, hold no states, or another kind of picture.
     """
     check_output(output)
-    record = EstimateRecord.from_files(estimate, data, events)
+    record = EstimateRecord.from_files(estimate, data, events, compared.other)
+    strips = compared.strips(record.data)
+    if "x1_lo" in record.estimate and not record.has_impulses and compared != NOTHING:
+        _plot_with_widths(record, strips, output)
+        return
     panels = record.panels
     columns = 1 if record.has_impulses or len(panels) <= _STACKED else 2
     rows = -(-len(panels) // columns)
@@ -45,14 +71,32 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
             axis.set_axis_off()
         for axis, name in zip(axes, panels, strict=True):
             _panel(axis, name, record)
-        for axis in axes[-columns:]:
-            axis.set_xlabel("time")
-            axis.tick_params(labelbottom=True)
-            _mark_status(axis, record)
-        _legend(figure, axes, columns)
+        _finish(figure, axes, axes[-columns:], record)
 
 
-def _legend(figure: FigureBase, axes: Array, columns: int) -> None:
+def _plot_with_widths(record: EstimateRecord, strips: Mapping[str, Strip], output: str) -> None:
+    """A row for each state: its bounds, and their width on a logarithmic axis."""
+    names = record.panels
+    with picture(8.4, 1.0 + 1.7 * len(names), output) as figure:
+        axes = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
+        for (left, right), name in zip(axes, names, strict=True):
+            _state(left, name, record, strips.get(name))
+            draw_widths(right, name, record, strips.get(name), record.rows_only)
+        axes[0, 0].set_title("bounds", fontsize=9)
+        axes[0, 1].set_title("width of the bounds (logarithmic)", fontsize=9)
+        _finish(figure, axes[:, 0], axes[-1], record)
+
+
+def _finish(figure: FigureBase, axes: Array, lowest: Array, record: EstimateRecord) -> None:
+    """Label the time, mark the rows without guarantee, add the legend."""
+    for axis in lowest:
+        axis.set_xlabel("time")
+        axis.tick_params(labelbottom=True)
+        _mark_status(axis, record)
+    _legend(figure, axes)
+
+
+def _legend(figure: FigureBase, axes: Array) -> None:
     """One legend for all panels: what the first shows, then what the others add."""
     handles, labels = axes[0].get_legend_handles_labels()
     for axis in axes[1:]:
@@ -76,36 +120,31 @@ def _panel(axis: Axes, name: str, record: EstimateRecord) -> None:
         _open_end(axis, record)
 
 
-def _state(axis: Axes, name: str, record: EstimateRecord) -> None:
+def _state(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None = None) -> None:
     """Bounds, estimate and truth of one state, with the jumps."""
     for k, instant in enumerate(record.jumps):
         axis.axvline(instant, color="0.55", lw=0.7, ls=(0, (2, 2)), zorder=0,
                      label="jump" if k == 0 else None)  # fmt: skip
     t, estimate, data = record.t, record.estimate, record.data
-    rows_only = float(np.isin(t, record.jumps).mean()) > _ROWS_ONLY
+    rows_only = record.rows_only
     if f"{name}_lo" in estimate:
-        _bounds(axis, name, record, rows_only)
+        draw_bounds(axis, name, record, strip, rows_only)
     if name in estimate:
         axis.plot(t, estimate.drawable(name), "o" if rows_only else "-", ms=4, color=_ESTIMATE,
                   lw=1.4, label="estimate")  # fmt: skip
     if name in data and rows_only:
         axis.plot(record.data_t, data.numbers(name), ".", color=_TRUTH, ms=4, label="true state")
     elif name in data:
-        split, pieces = _with_gaps(record.data_t, [data.numbers(name)], record.jumps)
-        axis.plot(split, pieces[0], color=_TRUTH, lw=1.1, label="true state")
-    axis.set_ylabel(f"${name[0]}_{{{name[1:]}}}$", **_SYMBOL)
+        split, pieces = with_gaps(record.data_t, [data.numbers(name)], record.jumps)
+        axis.plot(split, pieces[0], color=_TRUTH, lw=0.9 if strip else 1.1, label="true state")
+    axis.set_ylabel(_symbol(name), **_SYMBOL)
     axis.margins(x=0.01)
 
 
-def _bounds(axis: Axes, name: str, record: EstimateRecord, rows_only: bool) -> None:
-    low, high = (record.estimate.drawable(f"{name}_{end}") for end in ("lo", "hi"))
-    if rows_only:
-        axis.vlines(record.t, low, high, color=_BAND, lw=2.5, alpha=0.6, label="bounds")
-        return
-    split, pieces = _with_gaps(record.t, [low, high], record.jumps)
-    axis.fill_between(split, pieces[0], pieces[1], color=_BAND, alpha=0.25, lw=0, label="bounds")
-    for edge in pieces:
-        axis.plot(split, edge, color=_BAND, lw=0.9)
+def _symbol(name: str) -> str:
+    """A state as formulas have it; a further direction l as l'x."""
+    symbol = f"{name[0]}_{{{name[1:]}}}"
+    return rf"$\ell_{{{name[1:]}}}'x$" if name[0] == "l" else f"${symbol}$"
 
 
 def _measurements(axis: Axes, name: str, record: EstimateRecord) -> None:
@@ -178,9 +217,3 @@ def _mark_status(axis: Axes, record: EstimateRecord) -> None:
     if bad:
         axis.plot(record.t[bad], np.zeros(len(bad)), "|", color=_ALARM, ms=7, clip_on=False,
                   transform=axis.get_xaxis_transform(), label="no guarantee here")  # fmt: skip
-
-
-def _with_gaps(t: Matrix, series: list[Matrix], jumps: Matrix) -> tuple[Matrix, list[Matrix]]:
-    """Break the lines at jumps: the last value is held up to the jump, which is a step."""
-    at = np.flatnonzero(np.isin(t, jumps) & (np.arange(len(t)) > 0))
-    return np.insert(t, at, t[at]), [np.insert(s, at, s[at - 1]) for s in series]

@@ -14,6 +14,8 @@ from obsdesign.errors import InputError
 
 # beyond, the drawing library overflows
 _DRAWABLE = 1e100
+# with more jumps than this part of the rows, nothing is known between them: no lines are drawn
+_ROWS_ONLY = 0.9
 
 
 @dataclass(frozen=True)
@@ -53,9 +55,9 @@ class Table:
 
     @property
     def states(self) -> list[str]:
-        """x1, x2, ... (and unknown inputs d1, ...)."""
+        """x1, x2, ... (unknown inputs d1, ..., further directions l1, ...)."""
         names = []
-        for letter in "xd":
+        for letter in "xdl":
             i = 1
             while f"{letter}{i}" in self or f"{letter}{i}_lo" in self:
                 names.append(f"{letter}{i}")
@@ -75,33 +77,47 @@ class Table:
 
 @dataclass(frozen=True)
 class EstimateRecord:
-    """An estimate, the data with the truth, and impulses, as files hold them."""
+    """An estimate, the data with the truth, and impulses, as files hold them.
+
+    other: the estimate of a second observer, on the same data.
+    """
 
     estimate: Table
     data: Table
     impulses: Table
+    other: Table
     t: Matrix
     data_t: Matrix
     jumps: Matrix
 
     @classmethod
-    def from_files(cls, estimate: str, data: str | None, events: str | None) -> EstimateRecord:
+    def from_files(
+        cls, estimate: str, data: str | None, events: str | None, other: str | None = None
+    ) -> EstimateRecord:
         """InputError where a file cannot be read, or they are not of one plant."""
         estimates, truth = Table.from_file(estimate), Table.from_file(data)
+        second = Table.from_file(other)
         t = estimates.numbers("t")
         if not estimates.states or not len(t):
             raise InputError(
                 f"{estimate}: columns x1_lo, x1_hi or x1 and at least one row are required."
             )
-        _check_states(estimates, truth)
+        for table in (truth, second):
+            _check_states(estimates, table)
+        _check_bounds(estimates, second)
         times = truth.numbers("t") if truth.columns else np.zeros(0)
         jumps = times[truth.numbers("jump") == 1] if "jump" in truth else np.zeros(0)
-        return cls(estimates, truth, Table.from_file(events), t, times, jumps)
+        return cls(estimates, truth, Table.from_file(events), second, t, times, jumps)
 
     @property
     def has_impulses(self) -> bool:
         """Is there an event file?"""
         return bool(self.impulses.columns)
+
+    @property
+    def rows_only(self) -> bool:
+        """Is nearly every row a jump?"""
+        return float(np.isin(self.t, self.jumps).mean()) > _ROWS_ONLY
 
     @property
     def panels(self) -> list[str]:
@@ -111,8 +127,15 @@ class EstimateRecord:
         return [*self.data.measurements, *self.estimate.states, "weight"]
 
 
+def _check_bounds(estimate: Table, other: Table) -> None:
+    """InputError unless both tables have bounds to be compared."""
+    for table in (estimate, other) if other.columns else ():
+        if "x1_lo" not in table:
+            raise InputError(f"{table.path}: bounds x1_lo, x1_hi are required; it has none.")
+
+
 def _check_states(estimate: Table, data: Table) -> None:
-    """InputError if the true states of the data are more or fewer than those of the estimate."""
+    """InputError if the states of another table are more or fewer than those of the estimate."""
     mine, theirs = (sum(name[0] == "x" for name in table.states) for table in (estimate, data))
     if theirs and mine != theirs:
         raise InputError(

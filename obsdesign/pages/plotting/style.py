@@ -17,6 +17,7 @@ from obsdesign.output_files import write_bytes
 
 # Okabe-Ito: told apart in print and by colour-blind readers
 BLACK, BLUE, GREEN, VERMILION, GREY = "#000000", "#0072B2", "#009E73", "#D55E00", "#BBBBBB"
+ORANGE = "#E69F00"
 
 _STYLE: Value = {
     "font.size": 9,

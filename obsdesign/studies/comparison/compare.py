@@ -53,15 +53,14 @@ def compare(
 
 
 def compare_with_kalman(
-    design: Design, record: ComparisonRecord, initial: Sequence[float] | None = None
-) -> tuple[ComparisonRow, ComparisonRow]:
-    """A design and the filter on the first rows of a record; initial: as for `compare`."""
-    problem = Problem.from_dict(design.problem)
+    designs: Sequence[Design], record: ComparisonRecord, initial: Sequence[float] | None = None
+) -> list[ComparisonRow]:
+    """Designs of one plant and the filter on the first rows of a record; initial: as `compare`."""
+    problem = Problem.from_dict(designs[0].problem)
     short = record.head(MOST_ROWS)
     start = _initial(problem, short, initial)
-    return ComparisonRow(design.kind, "", "", **run(design, short, start)), filtered(
-        problem.plant, short, start
-    )
+    rows = [ComparisonRow(design.kind, "", "", **run(design, short, start)) for design in designs]
+    return [*rows, filtered(problem.plant, short, start)]
 
 
 def _designs(

@@ -52,12 +52,8 @@ class ComparisonRecord:
         step: float | None = None,
         rng: np.random.Generator | None = None,
     ) -> ComparisonRecord:
-        """A simulation of the plant, with the options of `simulation.simulate`.
-
-        What is measured at jumps only is simulated for five times as long: a row is a jump.
-        """
-        if until is None and plant.output.measured == "at_jumps":
-            until = 5 * default_until(plant, "random")
+        """A simulation of the plant, with the options of `simulation.simulate`."""
+        until = end_of_record(plant) if until is None else until
         run = simulate(plant, until=until, step=step, rng=rng, announced=True)
         inputs = {letter: run.block(letter) for letter in "uw" if run.block(letter).size}
         samples = rows_of(run.t, run.block("y"), **inputs, jump=run.columns.get("jump"))
@@ -79,6 +75,11 @@ class ComparisonRecord:
         return ComparisonRecord(
             samples, _truth(columns, "x", plant.n, path), _truth(columns, "d", q, path), path
         )
+
+
+def end_of_record(plant: Plant) -> float | None:
+    """End of a simulation, None for its default; five times that where every row is a jump."""
+    return 5 * default_until(plant, "random") if plant.output.measured == "at_jumps" else None
 
 
 def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) -> Matrix | None:
