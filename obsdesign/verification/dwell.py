@@ -15,7 +15,6 @@ from lmi.prove.windows_proof import prove_windows
 from lmi.refute.infeasible import prove_no_common
 from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.verdict import Verdict, undecided
-from obsdesign.equations.estimation_error import reason_against_sampling
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.proposal import Proposal
 
@@ -24,10 +23,8 @@ _Prover = Callable[[Array, Array, "Dwell", "DwellCertificate", str], Verdict]
 
 def reason_against_problem(problem: Problem) -> str | None:
     """Reason for which no observer with gains L, M serves the problem; None if one can."""
-    plant = problem.plant
-    if plant.jump is not None and plant.jump.dwell_time is None:
-        return f"jump.dwell_time = [shortest, longest] is required by kind {problem.kind!r}."
-    return reason_against_sampling(plant.output.measured, problem.kind)
+    absent = None if problem.plant.jump is None else problem.reason_without("jump.dwell_time")
+    return absent or problem.reason_unless_measured("continuous", "at_jumps")
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ class Task:
         n, p = plant.n, plant.p
         basis = np.eye(n) if S is None else S
         inward = np.linalg.inv(basis)
-        C, V = plant.output.C, problem.require_noise_bound("kind 'interval'")
+        C, V = plant.output.C, problem.require_noise_bound()
         idle = idle_gains(plant)
         L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
         G, low, high = None, math.inf, math.inf

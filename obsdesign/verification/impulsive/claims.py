@@ -72,7 +72,9 @@ def claims(
     stored: gains as a design file states them; certificates: {"strongly_observable": {"asked"} or
     {"witness"}} and those of the strategies.
     """
-    objection, expected = _reason_against_problem(problem), NewEntries()
+    expected = NewEntries()
+    objection = problem.reason_unless_measured("at_jumps")
+    objection = objection or problem.reason_without("jump.dwell_time")
     if objection is None:
         try:
             expected = _expected(problem, stored, ImpulsiveGains.from_document(stored))
@@ -243,15 +245,3 @@ def _expected(problem: Problem, stored: Entries, gains: ImpulsiveGains) -> NewEn
         expected |= {"image": (d, r), "coimage": (r, d)}
     own = {"window": options.window, "alpha": options.alpha}
     return expected | {name: stored.get(name) if x is None else x for name, x in own.items()}
-
-
-def _reason_against_problem(problem: Problem) -> str | None:
-    """Return why this observer cannot serve a plant, or None; one sentence."""
-    measured, jump = problem.plant.output.measured, problem.plant.jump
-    if measured != "at_jumps":
-        return f"output.measured must be at_jumps for kind 'impulsive'; got {measured!r}."
-    if jump is None or jump.dwell_time is None:
-        return (
-            "jump.dwell_time = [shortest, longest] is required by kind 'impulsive'; it is missing."
-        )
-    return None

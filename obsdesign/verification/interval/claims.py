@@ -195,9 +195,7 @@ def _reason_against(problem: Problem) -> str | None:
     reason = reason_against(problem)
     is_periodic = problem.plant.output.measured == "periodic"
     reason = reason or (None if is_periodic else reason_against_problem(problem))
-    if reason is None and problem.plant.output.noise_bound is None:
-        reason = "output.noise_bound is required by kind 'interval', which promises bounds."
-    return reason
+    return reason or problem.reason_without("output.noise_bound")
 
 
 def expected_gains(problem: Problem, stored: Entries) -> NewEntries:
