@@ -20,7 +20,7 @@ from lmi.arithmetic.balls import exact, to_float
 from lmi.decide.dwell_gap import Gap
 from lmi.decide.dwell_problem import Direction, DwellProblem
 from lmi.decide.dwell_scan import scan
-from lmi.decide.stability import Memory, decide, find_and_prove
+from lmi.decide.stability import decide, find_and_prove
 from lmi.families import horizon
 from lmi.find.cutting_plane import Proposal, propose
 from lmi.prove.hurwitz import prove_hurwitz
@@ -28,6 +28,7 @@ from lmi.refute.spectral import refute_word
 from lmi.solvers import Solvers
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict
+from lmi.window_memory import AUTO, Memory
 
 ACCURACY = 1e-6
 _STEPS = 60
@@ -65,7 +66,7 @@ def dwell_bracket(
     kept: float,
     *,
     accuracy: float = ACCURACY,
-    memory: Memory = "auto",
+    memory: Memory = AUTO,
     jitter: float = math.inf,
     budget: TimeBudget = UNLIMITED,
 ) -> Bracket:

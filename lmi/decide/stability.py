@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +27,7 @@ from lmi.refute.infeasible import prove_no_common
 from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.time_budget import UNLIMITED, TimeBudget, ended_part
 from lmi.verdict import Verdict, undecided
-
-Memory = int | Literal["auto"]
+from lmi.window_memory import AUTO, Memory
 
 _TURNS = 8
 _BOXES = 6000  # a proof that needs more is not worth the wait
@@ -44,7 +42,7 @@ def decide(
     low: float,
     high: float,
     *,
-    memory: Memory = "auto",
+    memory: Memory = AUTO,
     jitter: float = math.inf,
     budget: TimeBudget = UNLIMITED,
 ) -> Verdict:
@@ -61,7 +59,7 @@ def decide(
     """
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
-    if not (jitter >= 0 and (memory == "auto" or memory >= 0)):
+    if not (jitter >= 0 and (memory == AUTO or memory >= 0)):
         raise ValueError(f"jitter and memory must be >= 0; got {jitter} and {memory}")
     F_exact, H_exact = exact(F), exact(H)
     if math.isinf(high):

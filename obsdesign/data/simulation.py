@@ -121,7 +121,7 @@ def default_until(plant: Plant, dwell: str | float | Sequence[float]) -> float:
 def _settled(plant: Plant) -> float:
     """200 sampling periods, or ten times the slowest mode's; less where x would grow far."""
     modes = np.linalg.eigvals(plant.flow.A)
-    fastest, period = float(np.abs(modes).max()), plant.output.period or 0.0
+    fastest, period = float(np.abs(modes).max()), plant.output.sample_spacing
     if fastest == 0 or not math.isfinite(fastest):
         return 200 * period or 10.0
     slowest = float(np.abs(modes[np.abs(modes) > 1e-6 * fastest]).min())

@@ -12,7 +12,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from obsdesign.errors import InputError
 from obsdesign.problem.gain_constraints import ConstrainedGains
@@ -30,12 +30,8 @@ from obsdesign.problem.schema import (
 if TYPE_CHECKING:
     from obsdesign.problem.plant import Plant
 
-Memory = int | Literal["auto"]
 Pole = float | tuple[float, float]
 
-_MEMORY = (
-    "Dwell times a certificate may look at: auto (default), 0 for one common matrix, or a depth."
-)
 _POLES = "Poles of the error's flow, one per state of it; one of a conjugate pair stands for both."
 _WEIGHTS = (
     "Diagonal weights of the Riccati equation for L, in the plant's coordinates; default ones."
@@ -68,7 +64,6 @@ class IntervalOptions(ConstrainedGains):
         "Weight of each state's width in objective narrowest; default all alike. Only their ratios "
         "matter.",
     )
-    memory: Memory = option(ref("memory"), _MEMORY, whole=True, default="auto")
 
     def check(self, plant: Plant) -> None:
         """InputError unless there is a width weight per state, and one of them is not zero."""
@@ -132,7 +127,6 @@ class LuenbergerOptions(ConstrainedGains):
         NONNEGATIVE, "Exponential decay that is asked for, per unit of time.", default=0.0
     )
     weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
-    memory: Memory = option(ref("memory"), _MEMORY, whole=True, default="auto")
     schedule: int | tuple[float, ...] | None = option(
         {
             "anyOf": [{"type": "integer", "minimum": 2}, POSITIVE_LIST],

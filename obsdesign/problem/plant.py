@@ -19,18 +19,17 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.entries import (
-    is_number,
     matrix,
     positive,
     real,
     require_shape,
     shown,
     size_text,
-    vector,
 )
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import Block, DisturbedBlock, set_fields
+from obsdesign.problem.noise import noise_numbers, noise_pairs
 from obsdesign.problem.schema import DWELL_RANGE, POSITIVE, file_entry, one_of, ref
 
 MEASURED = ("continuous", "periodic", "at_jumps")
@@ -177,13 +176,13 @@ class Output(Block):
         C = matrix(self.C, "output.C")
         set_fields(self, C=C)
         if self.noise_bound is not None:
-            pairs = _noise_pairs(self.noise_bound, C)
+            pairs = noise_pairs(self.noise_bound, C)
             if pairs is None:
-                pairs = _noise(self.noise_bound, C, "noise_bound")
+                pairs = noise_numbers(self.noise_bound, C, "noise_bound")
             set_fields(self, noise_bound=pairs)
         for name in ("noise_std", "noise_cv"):
             values = getattr(self, name)
-            set_fields(self, **{name: _noise(0.0 if values is None else values, C, name)})
+            set_fields(self, **{name: noise_numbers(0.0 if values is None else values, C, name)})
         for name, words in (("measured", MEASURED), ("jump_measurement", JUMP_MEASUREMENTS)):
             if getattr(self, name) not in words:
                 raise InputError(
@@ -211,8 +210,13 @@ class Output(Block):
 
     @property
     def sample_period(self) -> float:
-        """Time between samples; 1 where y is not periodic."""
+        """Time between samples; 1 where none is stated."""
         return 1.0 if self.period is None else self.period
+
+    @property
+    def sample_spacing(self) -> float:
+        """Time between samples; 0 where none is stated."""
+        return 0.0 if self.period is None else self.period
 
 
 @dataclass(frozen=True)
@@ -236,42 +240,6 @@ class Plant:
         if self.output.measured == "at_jumps" and self.jump is None:
             raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
         set_fields(self, n=n, p=len(C))
-
-
-def _noise(values: Value, C: Matrix, name: str) -> Matrix:
-    """Numbers >= 0, one per output, from a list of them or from one for all."""
-    entry = f"output.{name}"
-    noise = vector([real(values, entry)] * len(C) if np.ndim(values) == 0 else values, entry)
-    require_shape(noise, entry, (len(C),), f"one per row of output.C ({size_text(C)})")
-    for i in np.flatnonzero(noise < 0):
-        raise InputError(f"{entry} must be >= 0; got {noise[i]:g} for output {i + 1}.")
-    return noise
-
-
-def _noise_pairs(values: Value, C: Matrix) -> Matrix | None:
-    """Pairs [lower, upper], (p, 2), where at least one bound of the noise is a pair; else None."""
-    entry = "output.noise_bound"
-    listed = values if isinstance(values, list | tuple | np.ndarray) else []
-    if not any(isinstance(item, list | tuple | np.ndarray) for item in listed):
-        if len(listed) == 2 and all(map(is_number, listed)) and listed[0] < 0 <= listed[1]:
-            raise InputError(
-                f"{entry} must hold numbers >= 0 or pairs [lower, upper]; got {shown(values)}. "
-                "Is it one pair? That is written [[lower, upper]]."
-            )
-        return None
-    for item in listed:
-        if not is_number(item) and np.shape(item) != (2,):
-            raise InputError(
-                f"{entry} must hold numbers or pairs [lower, upper]; got {shown(item)}."
-            )
-    pairs = matrix([[-item, item] if is_number(item) else item for item in listed], entry)
-    require_shape(pairs, entry, (len(C), 2), f"one pair per row of output.C ({size_text(C)})")
-    for i in np.flatnonzero(pairs[:, 0] > pairs[:, 1]):
-        raise InputError(
-            f"{entry}: lower must not exceed upper; got lower {pairs[i, 0]:g} > upper "
-            f"{pairs[i, 1]:g} for output {i + 1}. Are they swapped?"
-        )
-    return pairs
 
 
 def _dwell_time(values: Value) -> tuple[float, float] | None:

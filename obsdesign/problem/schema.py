@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import Field, field
 
 from lmi.arithmetic.arrays import Entries, Value
+from lmi.window_memory import AUTO
 
 Fragment = Entries
 
@@ -114,8 +115,8 @@ DEFINITIONS: Mapping[str, Fragment] = {
         "additionalProperties": False,
     },
     "memory": {
-        "anyOf": [{"const": "auto"}, {"type": "integer", "minimum": 0}],
-        "title": '"auto" or a whole number >= 0',
+        "anyOf": [{"const": AUTO}, {"type": "integer", "minimum": 0}],
+        "title": f'"{AUTO}" or a whole number >= 0',
     },
     "poles": {
         **list_of(

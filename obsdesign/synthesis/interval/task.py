@@ -252,7 +252,7 @@ def _rate(problem: Problem) -> float:
     plant = problem.plant
     rate = float(np.abs(plant.flow.A).max())
     times = problem.require_dwell_time()[::-1] if plant.jump is not None else ()
-    spans = (*times, plant.output.period or 0.0)
+    spans = (*times, plant.output.sample_spacing)
     span = next((span for span in spans if 0 < span < math.inf), math.inf)
     return max(rate, 1.0 / span) or 1.0
 
