@@ -47,7 +47,7 @@ def simulate(
     """Simulate the plant of a problem or design exactly, with its true state."""
     import numpy as np
 
-    from obsdesign.data.records import table_text
+    from obsdesign.data.csv_text import table_text
     from obsdesign.data.simulation import simulate as run_simulation
     from obsdesign.output_files import refuse_overwriting, write_text
 

@@ -15,11 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
+from obsdesign.column_names import JUMP, SIGNALS, TIME, TRUTH
 from obsdesign.data.jump_times import jump_times
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
+from obsdesign.runtime.columns import named_columns
 
 # exponent by which an unstable mode may grow in a default simulation
 _GROWN = 6.0
@@ -41,7 +43,7 @@ class Simulation:
     @property
     def t(self) -> Matrix:
         """Time stamps, (rows,)."""
-        return self.columns["t"]
+        return self.columns[TIME]
 
     def block(self, letter: str) -> Matrix:
         """Columns y, u, w, x or d as one array (rows, number)."""
@@ -242,13 +244,12 @@ def _columns(
     instants: _Instants, y: Matrix, truth: Matrix, source: Signals, *, reports: bool
 ) -> dict[str, Array]:
     """Columns of a record; reports: has it one that says where jumps are?"""
-    columns: dict[str, Array] = {"t": instants.times}
+    columns: dict[str, Array] = {TIME: instants.times}
     w = np.where(instants.is_jump[:, None], source.w, np.nan)
-    d = source.unknown(instants.times)
-    for letter, values in (("y", y), ("u", source.u), ("w", w)):
-        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+    for letter, values in zip(SIGNALS, (y, source.u, w), strict=True):
+        columns |= named_columns(letter, values)
     if reports:
-        columns["jump"] = instants.is_jump.astype(np.int64)
-    for letter, values in (("x", truth), ("d", d)):
-        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+        columns[JUMP] = instants.is_jump.astype(np.int64)
+    for letter, values in zip(TRUTH, (truth, source.unknown(instants.times)), strict=True):
+        columns |= named_columns(letter, values)
     return columns

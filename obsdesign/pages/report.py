@@ -18,8 +18,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign import workflow
+from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
-from obsdesign.data.records import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.design_file import load_design
 from obsdesign.document import Claim, Design, jsonable
