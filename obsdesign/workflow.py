@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -20,7 +19,7 @@ from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from, state_rows
 from obsdesign.verification.kind import verification_of
-from obsdesign.version import __version__, solver_record, version_of
+from obsdesign.version import provenance
 
 _Key = TypeVar("_Key", bound=Hashable)
 
@@ -236,13 +235,7 @@ def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...])
         claims=claims,
         guarantees=sentences.guarantees,
         warnings=sentences.warnings,
-        provenance={
-            "versions": {"obsdesign": __version__}
-            | {name: version_of(name) for name in ("numpy", "python-flint")}
-            | {"python": platform.python_version()},
-            "solver": solver_record(candidate.solvers),
-            "options": {"label": candidate.label},
-        },
+        provenance=provenance(candidate.solvers, candidate.label),
     )
 
 

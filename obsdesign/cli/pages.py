@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from obsdesign.cli.arguments import AS_JSON, NUMBER, Count, numbers, time_option
+from obsdesign.cli.arguments import AS_JSON, NUMBER, Count, numbers, output_option, time_option
 from obsdesign.cli.talk import is_quiet, say
 from obsdesign.errors import InputError
 
@@ -64,9 +64,7 @@ def compare(
     help="Run the observer on DATA.csv.  [default: a simulation of its plant]",
 )
 @click.option("--initial", help="Where it starts, as `run` takes it.")
-@click.option(
-    "-o", "--output", type=click.Path(), default="report.html", show_default=True, help="HTML file."
-)
+@output_option("report.html", "HTML file.")
 def report(design_file: str, data: str | None, initial: str | None, output: str) -> int:
     """Prove DESIGN again and show it on one page: guarantees, claims, gains, an estimate."""
     from obsdesign.cli.answers import EXIT_CODES

@@ -1,9 +1,7 @@
 """Options of the [observer] block: one frozen dataclass per kind.
 
-A field's default stands where the file has no such entry; None where the kind chooses.
-
-A field declares the JSON Schema of its entry. Values are those of `observer_options.options`:
-finite numbers, lists as tuples, read-only tables.
+A field declares the JSON Schema of its entry and its default, None where the kind chooses. Values
+are those of `observer_options.options`: finite numbers, lists as tuples, read-only tables.
 """
 
 from __future__ import annotations
@@ -25,6 +23,7 @@ from obsdesign.problem.schema import (
     list_of,
     one_of,
     ref,
+    whole_number,
 )
 
 if TYPE_CHECKING:
@@ -73,12 +72,7 @@ class IntervalOptions(ConstrainedGains):
             raise InputError("observer.width_weights must not all be zero.")
 
 
-_WINDOW_STAGES: Mapping[str, object] = {
-    "type": "integer",
-    "minimum": 1,
-    "maximum": 200,
-    "title": "a whole number of stages, from 1 to 200",
-}
+_WINDOW_STAGES = whole_number(1, 200, "a whole number of stages")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,7 +85,7 @@ class SetMembershipOptions(Options):
         whole=True,
     )
     steps: int = option(
-        {"type": "integer", "minimum": 1, "maximum": 50, "title": "a whole number, from 1 to 50"},
+        whole_number(1, 50),
         "Interior point steps of the search for multipliers in each row; default 8.",
         whole=True,
         default=8,
@@ -153,7 +147,7 @@ class ImpulsiveOptions(Options):
     """Options of kind impulsive."""
 
     window: int | None = option(
-        {"type": "integer", "minimum": 1, "title": "a whole number >= 1"},
+        whole_number(1),
         "Number of impulses that a gain looks back at.",
         whole=True,
     )
@@ -295,12 +289,7 @@ class UnknownInputOptions(Options):
         "else cell.",
     )
     lag: int = option(
-        {
-            "type": "integer",
-            "minimum": 1,
-            "maximum": 1000,
-            "title": "a whole number of samples, from 1 to 1000",
-        },
+        whole_number(1, 1000, "a whole number of samples"),
         "Delay of fixed_lag, in samples; default 10.",
         whole=True,
         default=10,

@@ -36,6 +36,7 @@ MEASURED = ("continuous", "periodic", "at_jumps")
 JUMP_MEASUREMENTS = ("before", "after", "none")
 # what is left out: __post_init__ fills it in, and for a jump the plant, which knows the sizes
 _DEFAULT: Value = None
+_DISTURBANCE = "Bounds of {}, or of w where there is a disturbance_matrix; default 0."
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +50,7 @@ class Flow(DisturbedBlock):
     B: Matrix | None = file_entry(ref("matrix"), "n x m, known input u.", default=None)
     D: Matrix | None = file_entry(ref("matrix"), "n x q, unknown input d.", default=None)
     lower: Matrix = file_entry(
-        ref("bounds"),
-        "Bounds of b(t), or of w where there is a disturbance_matrix; default 0.",
-        default=_DEFAULT,
-        name="disturbance",
+        ref("bounds"), _DISTURBANCE.format("b(t)"), default=_DEFAULT, name="disturbance"
     )
     upper: Matrix = _DEFAULT
     disturbance_matrix: Matrix | None = file_entry(
@@ -90,10 +88,7 @@ class Jump(DisturbedBlock):
         ref("matrix"), "Directions of impulses with unknown weights g.", default=None
     )
     lower: Matrix = file_entry(
-        ref("bounds"),
-        "Bounds of c[k], or of w where there is a disturbance_matrix; default 0.",
-        default=_DEFAULT,
-        name="disturbance",
+        ref("bounds"), _DISTURBANCE.format("c[k]"), default=_DEFAULT, name="disturbance"
     )
     upper: Matrix = _DEFAULT
     dwell_time: tuple[float, float] | None = file_entry(

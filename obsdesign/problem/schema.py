@@ -58,6 +58,16 @@ def list_of(item: Fragment, title: str) -> Fragment:
     return {"type": "array", "items": item, "minItems": 1, "title": title}
 
 
+def whole_number(
+    minimum: int, maximum: int | None = None, what: str = "a whole number"
+) -> Fragment:
+    """A whole number within bounds; what: the beginning of the title."""
+    if maximum is None:
+        return {"type": "integer", "minimum": minimum, "title": f"{what} >= {minimum}"}
+    title = f"{what}, from {minimum} to {maximum}"
+    return {"type": "integer", "minimum": minimum, "maximum": maximum, "title": title}
+
+
 NUMBER: Fragment = {"type": "number", "title": "a number"}
 POSITIVE: Fragment = {"type": "number", "exclusiveMinimum": 0, "title": "a positive number"}
 NONNEGATIVE: Fragment = {"type": "number", "minimum": 0, "title": "a number >= 0"}

@@ -89,6 +89,27 @@ def dwell_stability(
     """
     low, high = dwell.low, dwell.high
     proposal = DwellCertificate.from_document(certificate)
+    attempt = _attempted_proof(F, H, dwell, proposal, paranoid)
+    if attempt.outcome == "proved":
+        return attempt
+    counter = refute_spectral(F, H, low, high)
+    word = _dwell_times(proposal.witness, low, high)
+    if counter.outcome != "refuted" and word and steps_within(word, dwell.jitter):
+        counter = refute_word(F, H, word)
+    if counter.outcome == "refuted":
+        return counter
+    if proposal.no_common_P is not None:
+        nothing = _no_common(F, H, low, high, proposal.no_common_P)
+        attempt = attempt if nothing is None else nothing
+    evidence = {**counter.evidence, **attempt.evidence}
+    # overflow leaves NaN in place of a number
+    return Verdict("undecided", {key: value for key, value in evidence.items() if value == value})
+
+
+def _attempted_proof(
+    F: Array, H: Array, dwell: Dwell, proposal: DwellCertificate, paranoid: bool
+) -> Verdict:
+    """The first proof by what is proposed, in turn, or the last attempt."""
     attempt = undecided("no certificate P was given or found")
     for value, prover in ((proposal.P, _common), (proposal.windows, _windows)):
         if value is not None:
@@ -96,27 +117,10 @@ def dwell_stability(
             if attempt.outcome == "proved":
                 return attempt
     if proposal.vector is not None:
-        attempt = _copositive(F, H, low, high, proposal)
+        attempt = _copositive(F, H, dwell.low, dwell.high, proposal)
         if attempt.outcome == "proved":
             return attempt
-    if low == high:
-        attempt = decide_constant(F, H, low)
-        if attempt.outcome == "proved":
-            return attempt
-    counter = refute_spectral(F, H, low, high)
-    if counter.outcome == "refuted":
-        return counter
-    word = _dwell_times(proposal.witness, low, high)
-    if word and steps_within(word, dwell.jitter):
-        counter = refute_word(F, H, word)
-        if counter.outcome == "refuted":
-            return counter
-    if proposal.no_common_P is not None:
-        nothing = _no_common(F, H, low, high, proposal.no_common_P)
-        attempt = attempt if nothing is None else nothing
-    evidence = {**counter.evidence, **attempt.evidence}
-    # overflow leaves NaN in place of a number
-    return Verdict("undecided", {key: value for key, value in evidence.items() if value == value})
+    return decide_constant(F, H, dwell.low) if dwell.low == dwell.high else attempt
 
 
 def source_of(verdict: Verdict, paper: str) -> str:

@@ -72,15 +72,7 @@ def claims(
     stored: gains as a design file states them; certificates: {"strongly_observable": {"asked"} or
     {"witness"}} and those of the strategies.
     """
-    expected = NewEntries()
-    objection = problem.reason_unless_measured("at_jumps")
-    objection = objection or problem.reason_without("jump.dwell_time")
-    if objection is None:
-        try:
-            expected = _expected(problem, stored, ImpulsiveGains.from_document(stored))
-        except ValueError as error:
-            objection = str(error).removesuffix(".")
-    agreement, gains = consistent_gains(objection, stored, expected, ImpulsiveGains.from_document)
+    agreement, gains = _agreement(problem, stored)
     if gains is None:
         return (agreement,)
     high = problem.require_dwell_time()[1]
@@ -100,6 +92,19 @@ def claims(
     if certificates.get("noise_target"):
         listed.append(noise_target(missed_target(problem, gains)))
     return tuple(listed)
+
+
+def _agreement(problem: Problem, stored: Entries) -> tuple[Claim, ImpulsiveGains | None]:
+    """The claim that stored gains are those of the problem, and the gains where it is proved."""
+    expected = NewEntries()
+    objection = problem.reason_unless_measured("at_jumps")
+    objection = objection or problem.reason_without("jump.dwell_time")
+    if objection is None:
+        try:
+            expected = _expected(problem, stored, ImpulsiveGains.from_document(stored))
+        except ValueError as error:
+            objection = str(error).removesuffix(".")
+    return consistent_gains(objection, stored, expected, ImpulsiveGains.from_document)
 
 
 def _rate_claims(
