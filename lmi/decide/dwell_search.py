@@ -72,9 +72,11 @@ def dwell_bracket(
 ) -> Bracket:
     """The smallest x for which [x, kept] is proved, or the largest for which [kept, x] is.
 
-    direction: "shortest" with the longest dwell time kept, which may be infinite; "longest" with
-    the shortest one kept; x may be infinite then. F, H: (n, n) floats or exact rationals. accuracy:
-    relative width of the bracket. memory, jitter: as in `lmi.decide.stability`.
+    Proved is stability of x -> e^{F theta} H x for all sequences of theta in the range, as by
+    `lmi.decide.stability.decide`. direction: "shortest" with the longest dwell time kept, which may
+    be infinite; "longest" with the shortest one kept; x may be infinite then. F, H: (n, n) floats
+    or exact rationals. accuracy: relative width of the bracket. memory, jitter: as for `decide`.
+    ValueError for numbers that are not finite.
     """
     flow, jump = exact(F), exact(H)
     scaling = Scaling.from_pair(flow, jump, kept if direction == "shortest" else math.inf)

@@ -46,7 +46,10 @@ def decide(
     jitter: float = math.inf,
     budget: TimeBudget = UNLIMITED,
 ) -> Verdict:
-    """Proved by one P or by windows, refuted by a mode or by dwell times, or undecided.
+    """Decide whether x -> e^{F theta} H x is stable for all sequences of theta in [low, high].
+
+    Proved by one P (Briat, Automatica 49 (2013), Theorem 3) or by windows of dwell times
+    (docs/windows.md), refuted by a mode or by dwell times, or undecided.
 
     F, H: (n, n) floats or exact rationals; 0 <= low <= high <= infinity. With high infinite, F must
     be Hurwitz (otherwise refuted with the mode). jitter: only sequences whose dwell times change by
@@ -55,7 +58,7 @@ def decide(
     or "windows" and "edges" (`lmi.prove.windows_proof`), or "witness"; one dwell time (low = high)
     may be proved without any. Undecided evidence holds the largest growth seen, "no_common_P" when
     a checked certificate excludes a common P, which is not instability, and where a budget ended a
-    search what `TimeBudget.ended` has of it.
+    search what `TimeBudget.ended` has of it. ValueError for other ranges, jitter or memory.
     """
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")

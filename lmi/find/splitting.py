@@ -48,7 +48,7 @@ def cuttings(
     last: float,
     limits: Limits,
 ) -> list[Cutting]:
-    """Cuts of different windows, best first; none when nothing can be told apart.
+    """Cuts of different windows, best first; none when no cut separates anything.
 
     owners, thetas, masses: (k,) edge, dwell time and dual mass of each active inequality. last:
     where an infinite range ends for this purpose.

@@ -64,15 +64,17 @@ def simulate(
     rng: np.random.Generator | None = None,
     announced: bool = False,
 ) -> Simulation:
-    """Simulate a plant from t = 0.
+    """Simulate a plant from t = 0, by matrix exponentials from row to row: exact up to rounding.
 
-    until, step: end and spacing of the rows, in the plant's time unit (default: some ten dwell
-    times; the sampling period, else a round number near until/500). initial: x(0), default ones.
-    dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in
-    turn. disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held),
-    `random` or `sine`. rng: a numpy Generator (default: seed 0). announced: the record has the
-    times of impulses of unknown weight too, which every kind but `impulsive_input` needs. Raises
-    InputError otherwise.
+    until, step: end and spacing of the rows, in the plant's time unit (default: ten dwell times,
+    without jumps 200 periods or ten time constants of the slowest mode; the sampling period, else a
+    round number near until/500). initial: x(0), (n,), default ones. dwell: `shortest`, `random`
+    (admissible), one dwell time, or a sequence of them, repeated in turn. disturbance: `zero` (the
+    middle of every bound, no noise), `extreme` (a corner, held), `random` or `sine`. rng: a numpy
+    Generator (default: seed 0). announced: the record has the times of impulses of unknown weight
+    too, which every kind but `impulsive_input` needs.
+
+    InputError for options that do not fit the plant, and where the state overflows.
     """
     if disturbance not in DISTURBANCES:
         raise InputError(

@@ -61,7 +61,7 @@ def write_report(
     """Prove the design in a file again and write its page; nothing is written if it is refuted.
 
     data: a CSV file to run the observer on, from `initial` as `run` takes it; without it the plant
-    is simulated. InputError when a file cannot be read or run as asked.
+    is simulated. InputError when a file cannot be read, or a design cannot run on it.
     """
     design = load_design(path)
     started = time.perf_counter()

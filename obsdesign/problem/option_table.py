@@ -1,4 +1,4 @@
-"""The options of every kind in one table, and what is asked of it."""
+"""The options of every kind in one table, and look-ups in it."""
 
 from __future__ import annotations
 

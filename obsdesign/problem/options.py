@@ -118,7 +118,7 @@ class LuenbergerOptions(ConstrainedGains):
 
     poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
     decay_rate: float = option(
-        NONNEGATIVE, "Exponential decay that is asked for, per unit of time.", default=0.0
+        NONNEGATIVE, "Exponential decay that is required, per unit of time.", default=0.0
     )
     weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
     schedule: int | tuple[float, ...] | None = option(
@@ -162,7 +162,7 @@ class ImpulsiveOptions(Options):
     )
     decay_rate: float = option(
         NONNEGATIVE,
-        "Exponential decay that is asked for, per unit of time; chooses alpha.",
+        "Exponential decay that is required, per unit of time; chooses alpha.",
         default=0.0,
     )
     noise_target: tuple[float, ...] | None = option(

@@ -41,9 +41,11 @@ _DISTURBANCE = "Bounds of {}, or of w where there is a disturbance_matrix; defau
 
 @dataclass(frozen=True, eq=False)
 class Flow(DisturbedBlock):
-    """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b.
+    """The flow x' = A x + B u(t) + D d(t) + b(t), lower <= b(t) <= upper.
 
+    A (n, n); B (n, m): known input; D (n, q): unknown input; lower, upper (n,): zero by default.
     With a disturbance_matrix Bw (n, k), b = Bw w(t) and lower, upper (k,) are bounds of w.
+    InputError where sizes do not agree, numbers are not finite or bounds are crossed.
     """
 
     A: Matrix = file_entry(ref("matrix"), "n x n.")
@@ -75,11 +77,13 @@ class Flow(DisturbedBlock):
 
 @dataclass(frozen=True, eq=False)
 class Jump(DisturbedBlock):
-    """G (n, n), None for the identity; E (n, k) known jump input; H (n, r) unknown impulses.
+    """The jump x(t) = G x(t-) + E w[k] + H g[k] + c[k], lower <= c[k] <= upper.
 
-    lower, upper (n,): bounds of c; with a disturbance_matrix W (n, k), c = W w and they are bounds
-    of w, (k,). dwell_time: (shortest, longest) time between jumps, the longest may be infinite;
-    dwell_jitter: largest change from one dwell time to the next.
+    G (n, n): None for the identity; E (n, l): known jump input; H (n, r): directions of impulses of
+    unknown weights g; lower, upper (n,): zero by default. With a disturbance_matrix W (n, k),
+    c = W w and lower, upper (k,) are bounds of w. dwell_time: (shortest, longest) time between
+    jumps, the longest may be infinite; dwell_jitter: largest change from one dwell time to the
+    next. Times in the unit of flow.A. InputError as for `Flow`.
     """
 
     G: Matrix = file_entry(ref("matrix"), "n x n; default identity.", default=_DEFAULT)
@@ -131,20 +135,22 @@ class Jump(DisturbedBlock):
 
 @dataclass(frozen=True, eq=False)
 class Output(Block):
-    """C (p, n); noise_bound (p,) or (p, 2) or None, not known; noise_std, noise_cv (p,).
+    """The output y = C x + v, |v_i| <= noise_bound_i; what is known of v, and when y is measured.
 
-    One number serves all outputs. noise_bound may hold pairs [lower, upper], with numbers between
-    them; then all are pairs. A bound that is absent stays absent: None is not zero.
+    C (p, n); noise_bound (p,), or (p, 2) of pairs [lower, upper], or None: not known, which is not
+    zero; noise_std, noise_cv (p,): standard deviation noise_std_i + noise_cv_i |y_i|, zero by
+    default. One number serves all outputs; a number among pairs is a pair.
 
-    measured: continuous, periodic (with period) or at_jumps; jump_measurement: what a measurement
-    stamped with a jump time saw: before, after or none.
+    measured: continuous, periodic (with period, in the unit of time of flow.A) or at_jumps;
+    jump_measurement: at a jump y is that of the state before or after it, or there is none.
+    InputError as for `Flow`.
     """
 
     C: Matrix = file_entry(ref("matrix"), "p x n.")
     noise_bound: Matrix | None = file_entry(
         ref("noise_bound"),
         "|v_i| <= noise_bound_i, or lower <= v_i <= upper where that is a pair, at every instant; "
-        "required by kinds that promise bounds. Absent: not known.",
+        "required by kinds that guarantee bounds. Absent: not known.",
         default=None,
     )
     noise_std: Matrix = file_entry(
@@ -216,7 +222,10 @@ class Output(Block):
 
 @dataclass(frozen=True)
 class Plant:
-    """Flow, jump (None: the plant never jumps) and output of equal state dimension n."""
+    """Flow, jump (None: the plant never jumps) and output of n states and p measurements.
+
+    InputError where their sizes differ, or y is measured at jumps and there are none.
+    """
 
     flow: Flow
     jump: Jump | None

@@ -36,8 +36,10 @@ _KEYS = ("name", "flow", "jump", "output", "observer")
 class Problem:
     """A plant, an observer kind (None: not chosen), gains that are kept, options. Read-only.
 
-    Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file;
-    arrays may be numpy arrays. InputError for anything a problem file may not hold.
+    Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file
+    (docs/problem_file.md); arrays may be numpy arrays. gains: by name, in the shapes of the kind
+    (L (n, p), M (n, p), ...). InputError for anything a problem file may not hold; one line, which
+    entry, what was required, what arrived.
     """
 
     name: str
@@ -179,7 +181,10 @@ class Problem:
 
 
 def load_problem(path: str | os.PathLike[str]) -> Problem:
-    """Read a problem file: JSON by its suffix .json, else TOML. InputError names file and line."""
+    """Read a problem file: JSON by its suffix .json, else TOML.
+
+    InputError, with file and entry or line, where it cannot be read or states no problem.
+    """
     return load_for_kind(path, None)[0]
 
 
@@ -202,7 +207,7 @@ def _required(entry: str, needed_by: str, absent: str, p: int) -> str:
     written = {"jump": "[jump]", "jump.dwell_time": "jump.dwell_time = [shortest, longest]"}
     hint = ""
     if entry == "output.noise_bound":
-        needed_by += ", which promises bounds"
+        needed_by += ", which guarantees bounds"
         hint = f" If y is free of noise, write noise_bound = [{', '.join(['0.0'] * p)}]."
     return f"{written.get(entry, entry)} is required by {needed_by}; {absent} is missing.{hint}"
 

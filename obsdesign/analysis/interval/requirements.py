@@ -40,7 +40,10 @@ def _reason_against_width(problem: Problem, options: IntervalOptions) -> str | N
     """Reason against options of the width, or None."""
     for name in ("width", "width_weights"):
         if options.is_stated(name) and options.objective != "narrowest":
-            return f"observer.{name} needs observer.objective = 'narrowest'; it is not asked for."
+            return (
+                f"observer.{name} needs observer.objective = 'narrowest'; got "
+                f"{options.objective!r}."
+            )
     if options.width == "pre_jump":
         if reason := problem.reason_without("jump", needed_by="observer.width = 'pre_jump'"):
             return reason
