@@ -135,7 +135,7 @@ class Jump(DisturbedBlock):
 
 @dataclass(frozen=True, eq=False)
 class Output(Block):
-    """The output y = C x + v, |v_i| <= noise_bound_i; what is known of v, and when y is measured.
+    """The output y = C x + v, |v_i| <= noise_bound_i: the noise v, and when y is measured.
 
     C (p, n); noise_bound (p,), or (p, 2) of pairs [lower, upper], or None: not known, which is not
     zero; noise_std, noise_cv (p,): standard deviation noise_std_i + noise_cv_i |y_i|, zero by
