@@ -13,7 +13,7 @@ from benchmarks.cases import SAMPLED, report, seconds
 from lmi.decide.stability import decide
 from lmi.families import Edge
 from lmi.find.cutting_plane import propose_edges
-from lmi.find.windows import uniform
+from tests.lmi.decide.test_windows import uniform
 
 LOW, HIGH = 0.4, 1.8885
 CEILING, FLOOR = 1.0, 10.0

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import obsdesign
-from obsdesign.data.records import table_text
+from obsdesign.data.csv_text import table_text
 from obsdesign.pages.plotting.estimate import plot_estimate
 from obsdesign.runtime import from_design
 

@@ -43,7 +43,7 @@ class Verdict:
 
 
 def proved(**evidence: Value) -> Verdict:
-    """The claim holds; the evidence says by which means."""
+    """The claim holds; evidence: by which means."""
     return Verdict("proved", evidence)
 
 
@@ -53,7 +53,7 @@ def refuted(witness: Entries, **evidence: Value) -> Verdict:
 
 
 def undecided(reason: str, **evidence: Value) -> Verdict:
-    """Neither could be shown; `reason` in words, and the worst place seen where there is one."""
+    """Neither could be shown; `reason` in words, and the worst place where there is one."""
     return Verdict("undecided", {"reason": reason, **evidence})
 
 

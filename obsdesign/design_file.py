@@ -30,7 +30,11 @@ _SINCE_WARNINGS = ("warnings",)  # keys that files of the first release lack
 
 
 def load_design(path: str | os.PathLike[str]) -> Design:
-    """Read a design file; InputError if it is not one, of another version, or was changed."""
+    """Read a design file (docs/design_file.md).
+
+    InputError if it cannot be read, is no design, is of another version, or was changed since it
+    was signed. Nothing of what it claims is proved here: `obsdesign.verify` does.
+    """
     text = read_text(path)
     try:
         body = parse_json(text, parse_float=_finite, parse_int=_whole)

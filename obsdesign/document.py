@@ -38,8 +38,9 @@ class Decision(Protocol):
 class Claim:
     """One hypothesis of the theorem behind a design.
 
-    source: paper, theorem, equation; verdict: proved | refuted | undecided; evidence: what shows
-    it (a certificate, a witness, the worst place), JSON-ready.
+    id: "dwell_stability", ...; statement: one sentence; source: paper, theorem, equation; verdict:
+    proved | refuted | undecided; evidence: what shows it (a certificate, a witness, the worst
+    place), JSON-ready.
     """
 
     id: str
@@ -66,7 +67,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Guarantee:
-    """A sentence that a user may rely on, or that was asked for and is not proved.
+    """A sentence that a user may rely on, or that an option requests and is not proved.
 
     claims: ids of the claims it rests on; given: are all of them proved?
     """
@@ -95,11 +96,12 @@ class Guarantee:
 
 @dataclass(frozen=True)
 class Design:
-    """A proved observer: the problem it answers, its gains, its claims and guarantees.
+    """An observer with its proof: the problem it answers, its gains, claims and guarantees.
 
-    problem: the normalised problem as a dict; gains: arrays and scalars under the names of the
-    problem file; warnings: what is wrong or nearly so, one sentence each; None in files that were
-    written before there were any.
+    problem: the normalised problem as a dict; gains: arrays and scalars under the names of
+    `obsdesign.equations.<kind>.gains`, with shapes as there; guarantees: sentences with the claims
+    they rest on; warnings: what is wrong or nearly so, one sentence each, None in files that were
+    written before there were any; provenance: versions and solvers.
     """
 
     name: str
@@ -134,7 +136,10 @@ class Design:
         return body | {"digest": digest(body)}
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the document; an existing file is replaced whole or not at all."""
+        """Write the document; an existing file is replaced whole or not at all.
+
+        InputError where it cannot be written.
+        """
         write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False))
 
 

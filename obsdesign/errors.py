@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 class InputError(ValueError):
-    """A file, option or array that cannot be read.
+    """A file, option or array that is refused; a ValueError.
 
     The text is one line: which entry, what was required, what arrived, the likely cause.
     """

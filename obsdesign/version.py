@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -37,6 +38,16 @@ def version_of(distribution: str) -> str:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
         return "not installed"
+
+
+def provenance(solvers: Solvers, label: str) -> dict[str, dict[str, str]]:
+    """What a design was made with: versions, the solvers it comes from, the form's label."""
+    versions = {name: version_of(name) for name in ("numpy", "python-flint")}
+    return {
+        "versions": {"obsdesign": __version__, **versions, "python": platform.python_version()},
+        "solver": solver_record(solvers),
+        "options": {"label": label},
+    }
 
 
 def solver_record(solvers: Solvers) -> dict[str, str]:

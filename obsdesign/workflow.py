@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -20,7 +19,7 @@ from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from, state_rows
 from obsdesign.verification.kind import verification_of
-from obsdesign.version import __version__, solver_record, version_of
+from obsdesign.version import provenance
 
 _Key = TypeVar("_Key", bound=Hashable)
 
@@ -35,10 +34,11 @@ class FormAnswer:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command has to say: the verdict of its claims, and a design where there is one.
+    """The verdict of the claims of a command, and a design where there is one.
 
-    guarantees, warnings: sentences that follow from these claims, never those that stand in a
-    file; none where a file's own statements were not confirmed.
+    verdict: "proved", "refuted" if any claim is, else "undecided"; result: further entries of the
+    answer in --json. guarantees, warnings: sentences that follow from these claims, never those
+    that stand in a file; none where a file's own statements were not confirmed.
     """
 
     verdict: str
@@ -53,7 +53,7 @@ class Outcome:
 def investigate(
     problem: Problem, *, seconds: float | None = None, constraints: Constraints | None = None
 ) -> Outcome:
-    """Synthesise candidates and prove them: the first proved one, else the most hopeful.
+    """Synthesise candidates and prove them: the first proved one, else the nearest to a proof.
 
     seconds: of processor time that searches may take in all; None for their own budgets, which a
     larger total stretches (`investigate_each`). An undecided claim that a budget ended holds what
@@ -63,7 +63,7 @@ def investigate(
     list of CVXPY constraints on an open gain; called for L and for M. They restrict the search,
     and nothing is claimed of them; undecided where no gains are found.
 
-    InputError when the problem cannot be read as asked (a block is missing, a form does not fit),
+    InputError when the kind does not serve the problem (an entry is missing, a form does not fit),
     or for constraints that are not convex or belong to another kind.
     """
     budget = TimeBudget.from_seconds(seconds)
@@ -81,7 +81,7 @@ def investigate_each(
     done: Callable[[_Key], None] = lambda key: None,
     constraints: Constraints | None = None,
 ) -> dict[_Key, Outcome | InputError]:
-    """The outcome of each problem, or why it cannot be read as asked.
+    """The outcome of each problem, or the refusal of one that its kind does not serve.
 
     Every problem is tried with the searches' own budgets; while a total lasts, those that a budget
     ended are tried again, with ever longer ones. So more time never makes less of a problem.
@@ -201,9 +201,10 @@ def _tried(
 
 
 def _best(tried: list[_Tried]) -> _Tried:
-    """The first proved one, or the proved one of least cost; else the most hopeful.
+    """The first proved one, or the proved one of least cost; else an undecided one if any.
 
-    An undecided form may still be true, a refuted one is not; the last form asks for least.
+    An undecided form may still be true, a refuted one is not; of these the last form is taken,
+    which has the weakest hypotheses.
     """
     proved = [one for one in tried if one.verdict == "proved"]
     if proved:
@@ -236,13 +237,7 @@ def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...])
         claims=claims,
         guarantees=sentences.guarantees,
         warnings=sentences.warnings,
-        provenance={
-            "versions": {"obsdesign": __version__}
-            | {name: version_of(name) for name in ("numpy", "python-flint")}
-            | {"python": platform.python_version()},
-            "solver": solver_record(candidate.solvers),
-            "options": {"label": candidate.label},
-        },
+        provenance=provenance(candidate.solvers, candidate.label),
     )
 
 
@@ -253,10 +248,10 @@ def design(
     seconds: float | None = None,
     constraints: Constraints | None = None,
 ) -> Design:
-    """A proved design for a problem; seconds, constraints: as for `investigate`.
+    """Return a proved design for a problem; seconds, constraints: as for `investigate`.
 
-    Raises InputError for a problem that cannot be read as asked, and NotProved when the answer
-    is no (or, unless `allow_undecided`, not known); its `.outcome` holds claims and witnesses.
+    Each claim of it names the theorem that it is a hypothesis of. InputError as for `investigate`;
+    NotProved where a claim is refuted (or, unless `allow_undecided`, undecided).
     """
     outcome = investigate(problem, seconds=seconds, constraints=constraints)
     accepted = ("proved", "undecided") if allow_undecided else ("proved",)
@@ -266,7 +261,7 @@ def design(
 
 
 class NotProved(Exception):
-    """The problem has no proved design: refuted (with a witness) or undecided."""
+    """The problem has no proved design; `.outcome` holds the claims and their witnesses."""
 
     def __init__(self, outcome: Outcome) -> None:
         failed = [claim for claim in outcome.claims if claim.verdict == outcome.verdict]
@@ -275,10 +270,11 @@ class NotProved(Exception):
 
 
 def verify(design: Design, *, paranoid: bool = False) -> Outcome:
-    """Prove everything again from the design alone; no optimisation solver is used.
+    """Prove all claims again from the design alone; no optimisation solver is used.
 
-    paranoid: prove a second time by an independent method where there is one. Also checks that
-    problem, gains, claims and guarantees of the document agree.
+    paranoid: prove a second time by an independent method where there is one (docs/proofs.md). The
+    claim `document` compares what the design states with what was proved. InputError where
+    problem and kind of the design do not agree.
     """
     verification = verification_of(design.kind)
     with naming("the problem inside the design"):

@@ -93,12 +93,13 @@ LIGHT = (
              "obsdesign.input_files"),
         ),
         ("obsdesign.errors", ()),
+        ("obsdesign.column_names", ()),
         ("obsdesign.kinds", ("obsdesign.errors",)),
         (
             "obsdesign.runtime",
             (*LIGHT, "obsdesign.runtime", "obsdesign.equations", "obsdesign.document",
              "obsdesign.design_file", "obsdesign.entries", "obsdesign.errors",
-             "obsdesign.input_files", "obsdesign.kinds"),
+             "obsdesign.input_files", "obsdesign.kinds", "obsdesign.column_names"),
         ),
     ],
 )  # fmt: skip
@@ -122,7 +123,7 @@ LEVELS = (
     ("design_file",),
     ("document",),
     ("input_files", "output_files", "entries", "equations"),
-    ("kinds",),
+    ("kinds", "column_names"),
     ("errors", "version"),
 )
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}

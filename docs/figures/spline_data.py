@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from obsdesign.data.records import table_text
+from obsdesign.data.csv_text import table_text
 from obsdesign.output_files import write_text
 
 TIMES = np.array([0, 0.1, 0.5, 0.9, 1, 1.1, 1.2, 2, 2.8, 2.9, 3, 3.1, 3.5, 3.9, 4])

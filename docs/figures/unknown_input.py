@@ -15,8 +15,8 @@ import numpy as np
 
 import obsdesign
 from lmi.arithmetic.exponential import expm
+from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
-from obsdesign.data.records import table_text
 from obsdesign.pages.plotting.estimate import plot_estimate
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

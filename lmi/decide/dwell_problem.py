@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lmi.arithmetic.balls import Exact
-from lmi.decide.stability import Memory
 from lmi.find.splitting import Limits
-from lmi.time_budget import UNLIMITED, TimeBudget
+from lmi.time_budget import TimeBudget
+from lmi.window_memory import Memory
 
 Direction = Literal["shortest", "longest"]
 
@@ -33,9 +33,9 @@ class DwellProblem:
     direction: Direction
     kept: float
     accuracy: float
-    memory: Memory = "auto"
-    jitter: float = math.inf
-    budget: TimeBudget = UNLIMITED
+    memory: Memory
+    jitter: float
+    budget: TimeBudget
 
     @property
     def is_shortest(self) -> bool:

@@ -20,7 +20,7 @@ from lmi.arithmetic.balls import exact, to_float
 from lmi.decide.dwell_gap import Gap
 from lmi.decide.dwell_problem import Direction, DwellProblem
 from lmi.decide.dwell_scan import scan
-from lmi.decide.stability import Memory, decide, find_and_prove
+from lmi.decide.stability import decide, find_and_prove
 from lmi.families import horizon
 from lmi.find.cutting_plane import Proposal, propose
 from lmi.prove.hurwitz import prove_hurwitz
@@ -28,6 +28,7 @@ from lmi.refute.spectral import refute_word
 from lmi.solvers import Solvers
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict
+from lmi.window_memory import AUTO, Memory
 
 ACCURACY = 1e-6
 _STEPS = 60
@@ -65,15 +66,17 @@ def dwell_bracket(
     kept: float,
     *,
     accuracy: float = ACCURACY,
-    memory: Memory = "auto",
+    memory: Memory = AUTO,
     jitter: float = math.inf,
     budget: TimeBudget = UNLIMITED,
 ) -> Bracket:
     """The smallest x for which [x, kept] is proved, or the largest for which [kept, x] is.
 
-    direction: "shortest" with the longest dwell time kept, which may be infinite; "longest" with
-    the shortest one kept; x may be infinite then. F, H: (n, n) floats or exact rationals. accuracy:
-    relative width of the bracket. memory, jitter: as in `lmi.decide.stability`.
+    Proved is stability of x -> e^{F theta} H x for all sequences of theta in the range, as by
+    `lmi.decide.stability.decide`. direction: "shortest" with the longest dwell time kept, which may
+    be infinite; "longest" with the shortest one kept; x may be infinite then. F, H: (n, n) floats
+    or exact rationals. accuracy: relative width of the bracket. memory, jitter: as for `decide`.
+    ValueError for numbers that are not finite.
     """
     flow, jump = exact(F), exact(H)
     scaling = Scaling.from_pair(flow, jump, kept if direction == "shortest" else math.inf)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +27,7 @@ from lmi.refute.infeasible import prove_no_common
 from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.time_budget import UNLIMITED, TimeBudget, ended_part
 from lmi.verdict import Verdict, undecided
-
-Memory = int | Literal["auto"]
+from lmi.window_memory import AUTO, Memory
 
 _TURNS = 8
 _BOXES = 6000  # a proof that needs more is not worth the wait
@@ -44,11 +42,14 @@ def decide(
     low: float,
     high: float,
     *,
-    memory: Memory = "auto",
+    memory: Memory = AUTO,
     jitter: float = math.inf,
     budget: TimeBudget = UNLIMITED,
 ) -> Verdict:
-    """Proved by one P or by windows, refuted by a mode or by dwell times, or undecided.
+    """Decide whether x -> e^{F theta} H x is stable for all sequences of theta in [low, high].
+
+    Proved by one P (Briat, Automatica 49 (2013), Theorem 3) or by windows of dwell times
+    (docs/windows.md), refuted by a mode or by dwell times, or undecided.
 
     F, H: (n, n) floats or exact rationals; 0 <= low <= high <= infinity. With high infinite, F must
     be Hurwitz (otherwise refuted with the mode). jitter: only sequences whose dwell times change by
@@ -57,11 +58,11 @@ def decide(
     or "windows" and "edges" (`lmi.prove.windows_proof`), or "witness"; one dwell time (low = high)
     may be proved without any. Undecided evidence holds the largest growth seen, "no_common_P" when
     a checked certificate excludes a common P, which is not instability, and where a budget ended a
-    search what `TimeBudget.ended` has of it.
+    search what `TimeBudget.ended` has of it. ValueError for other ranges, jitter or memory.
     """
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
-    if not (jitter >= 0 and (memory == "auto" or memory >= 0)):
+    if not (jitter >= 0 and (memory == AUTO or memory >= 0)):
         raise ValueError(f"jitter and memory must be >= 0; got {jitter} and {memory}")
     F_exact, H_exact = exact(F), exact(H)
     if math.isinf(high):

@@ -18,6 +18,7 @@ import clarabel
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.find.conic import maximise_last, svec
 from lmi.memory import require_cones, require_memory
 
 Inequality = Callable[..., Matrix]  # unknowns -> (k, m, m) symmetric
@@ -54,25 +55,25 @@ def best_margin(
     scaled = [i for i, unknown in enumerate(unknowns) if unknown.symmetric]
     A = np.zeros((k * m * (m + 1) // 2, len(directions) + 1))
     for j, change in enumerate(columns):
-        A[:, j] = -_svec(change).reshape(-1)
-    A[:, -1] = np.tile(_svec(np.eye(m)[None])[0], k)
-    limits, b = [], [_svec(constant).reshape(-1)]
+        A[:, j] = -svec(change).reshape(-1)
+    A[:, -1] = np.tile(svec(np.eye(m)[None])[0], k)
+    limits, b = [], [svec(constant).reshape(-1)]
     for i in scaled:
-        P = np.stack([_svec(direction[i][None])[0] for direction in directions], axis=1)
+        P = np.stack([svec(direction[i][None])[0] for direction in directions], axis=1)
         rows = np.concatenate([-P, P])
         limits.append(np.hstack([rows, np.zeros((len(rows), 1))]))
-        unit = _svec(np.eye(unknowns[i].rows)[None])[0]
+        unit = svec(np.eye(unknowns[i].rows)[None])[0]
         b += [-unit, kappa * unit]
     last = np.zeros((1, len(directions) + 1))
     last[0, -1] = 1.0
     cones = [clarabel.PSDTriangleConeT(m)] * k
     cones += [clarabel.PSDTriangleConeT(unknowns[i].rows) for i in scaled for _ in range(2)]
-    x = _solved(
+    x, _ = maximise_last(
         np.concatenate([A, *limits, last]),
         np.concatenate([*b, [1.0]]),
         [*cones, clarabel.NonnegativeConeT(1)],
     )
-    if x is None:
+    if not np.isfinite(x).all():
         return None
     values = [
         sum(
@@ -115,26 +116,3 @@ def _directions(unknowns: Sequence[Unknown]) -> list[list[Matrix]]:
             values[i] = E
             directions.append(values)
     return directions
-
-
-def _svec(stack: Matrix) -> Matrix:
-    """Upper triangles by columns, off-diagonal entries times sqrt 2: (k, m, m) -> (k, m(m+1)/2)."""
-    m = stack.shape[-1]
-    columns, rows = np.tril_indices(m)
-    weights = np.where(rows == columns, 1.0, np.sqrt(2.0))
-    return np.asarray(stack[:, rows, columns] * weights, dtype=np.float64)
-
-
-def _solved(A: Matrix, b: Matrix, cones: list[object]) -> Matrix | None:
-    """Maximise the last unknown."""
-    objective = np.zeros(A.shape[1])
-    objective[-1] = -1.0
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    from scipy import sparse  # slow to import
-
-    empty = sparse.csc_matrix((A.shape[1], A.shape[1]))
-    solver = clarabel.DefaultSolver(empty, objective, sparse.csc_matrix(A), b, cones, settings)
-    x = np.array(solver.solve().x)
-    return x if np.isfinite(x).all() else None

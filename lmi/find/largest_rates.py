@@ -39,7 +39,9 @@ def largest_rates(
 ) -> Entries | None:
     """The largest rates that some common P allows, nearly, proved; None if none are.
 
-    F, H: (n, n) floats or exact rationals; P: (n, n) of a proof over the range.
+    Rates of x -> e^{F theta} H x, theta in [low, high]: per_jump is gamma with M' P M < gamma^2 P
+    for M = e^{F theta} H; in_time is alpha, 1 / time unit, with the same for F + alpha I and
+    gamma = 1. F, H: (n, n) floats or exact rationals; P: (n, n) of a proof over the range.
     Result: {"per_jump", "in_time", "P_per_jump", "P_in_time"}; where nothing better is proved, the
     rates of the given P alone.
     """
@@ -110,7 +112,7 @@ def _limits(edge: Edge) -> Rates:
 
 @dataclass(frozen=True)
 class _Search:
-    """Of matrices P for ever larger rates; first: the proposal for no rate.
+    """Of matrices P for larger and larger rates; first: the proposal for no rate.
 
     Each try works in the coordinates of P, with the theta of the last success.
     """

@@ -1,25 +1,24 @@
-"""Matrices P_w for finitely many maps: largest margin by Clarabel, cones set up here.
+"""Matrices P_w for finitely many maps: the largest margin, its cones set up here.
 
     maximise t   subject to   P_s - M_i' P_t M_i >= t I   for every map M_i, from its source
                  node s to its target node t (one node: the common P),
                  P_w >= floor I,   sum tr P_w = nodes * n
 
-Unknowns are svec(P_w) (upper triangle by columns, off-diagonal entries times sqrt 2) and t. For a
-negative optimum the multipliers Z_i prove that no P exists (`lmi.refute.infeasible` checks them).
-Nothing here is proved.
+Unknowns are svec(P_w) (`lmi.find.conic`) and t. For a negative optimum the multipliers Z_i prove
+that no P exists (`lmi.refute.infeasible` checks them). Nothing here is proved.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import clarabel
 import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
+from lmi.find.conic import maximise_last, smat, svec, triangle
 from lmi.memory import require_cones
 
 if TYPE_CHECKING:
@@ -54,8 +53,6 @@ def common_matrices(
     source, target: (k,) node of each map; None where there is one node. A rate gamma belongs into
     the maps: M / gamma. seconds: time for the solver, whose numbers then are what it has got.
     """
-    from scipy import sparse  # slow to import, and not every problem needs a solver
-
     k, n = maps.shape[:2]
     size = n * (n + 1) // 2
     require_cones(
@@ -67,29 +64,11 @@ def common_matrices(
     ends = none if source is None else source, none if target is None else target
     A, b = _constraints(maps, *ends, nodes)
     cones = [clarabel.PSDTriangleConeT(n)] * (k + nodes) + [clarabel.ZeroConeT(1)]
-    columns = nodes * size + 1
-    objective = np.zeros(columns)
-    objective[-1] = -1.0
-    empty = sparse.csc_matrix((columns, columns))
-    settings = _settings(tolerance, seconds)
-    result = clarabel.DefaultSolver(empty, objective, A, b, cones, settings).solve()
-    x, z = np.asarray(result.x), np.asarray(result.z)
+    x, z = maximise_last(A, b, cones, tolerance=tolerance, seconds=seconds)
     P = smat(x[:-1].reshape(nodes, size))
     duals = smat(z[: k * size].reshape(k, size))
     margin = float(x[-1]) if np.isfinite(x).all() else -np.inf
     return Solution(P, margin, duals)
-
-
-def _settings(tolerance: float, seconds: float) -> clarabel.DefaultSettings:
-    settings = clarabel.DefaultSettings()
-    if math.isfinite(seconds):
-        settings.time_limit = max(seconds, 1e-3)
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.presolve_enable = False
-    settings.chordal_decomposition_enable = False
-    return settings
 
 
 def _constraints(
@@ -128,37 +107,9 @@ def _constraints(
     return A, b
 
 
-@lru_cache(maxsize=64)
-def _triangle(n: int) -> tuple[Indices, Indices, Matrix]:
-    """Rows, columns and weights of the upper triangle, by columns."""
-    columns = np.repeat(np.arange(n), np.arange(1, n + 1))
-    rows = np.concatenate([np.arange(j + 1) for j in range(n)])
-    weights = np.where(rows == columns, 1.0, np.sqrt(2.0))
-    for array in (rows, columns, weights):
-        array.setflags(write=False)
-    return rows, columns, weights
-
-
-def svec(S: Matrix) -> Matrix:
-    """Scaled upper triangle of symmetric matrices (..., n, n)."""
-    rows, columns, weights = _triangle(S.shape[-1])
-    packed: Matrix = S[..., rows, columns] * weights
-    return packed
-
-
-def smat(packed: Matrix) -> Matrix:
-    """Inverse of svec: symmetric matrices from (..., n (n + 1) / 2)."""
-    n = int((np.sqrt(8 * packed.shape[-1] + 1) - 1) / 2)
-    rows, columns, weights = _triangle(n)
-    S = np.zeros((*packed.shape[:-1], n, n))
-    S[..., rows, columns] = packed / weights
-    S[..., columns, rows] = packed / weights
-    return S
-
-
 def congruences(maps: Matrix) -> Matrix:
     """The matrix of P -> M'PM on svec, for each M of (k, n, n)."""
-    i, j, weights = _triangle(maps.shape[-1])
+    i, j, weights = triangle(maps.shape[-1])
     first, second = maps[:, :, i], maps[:, :, j]  # M[a, i] and M[b, j] for each entry (i, j)
     products = first[:, i] * second[:, j] + first[:, j] * second[:, i]  # (k, entry of P, entry)
     scale = np.outer(weights, weights) / 2

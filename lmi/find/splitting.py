@@ -10,12 +10,12 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.find.windows import Cutting, Links, Windows
+from lmi.window_memory import AUTO, Memory
 
 # windows whose best cut scores this share of the best of all are cut in the same round
 _SHARE, _MOST = 0.15, 40
@@ -33,9 +33,9 @@ class Limits:
     future: float = math.inf
 
     @classmethod
-    def from_memory(cls, memory: int | Literal["auto"]) -> Limits:
-        """So many dwell times on either side; "auto": as many as it takes."""
-        return cls() if memory == "auto" else cls(memory, memory)
+    def from_memory(cls, memory: Memory) -> Limits:
+        """So many dwell times on either side; AUTO: as many as it takes."""
+        return cls() if memory == AUTO else cls(memory, memory)
 
 
 def cuttings(
@@ -48,7 +48,7 @@ def cuttings(
     last: float,
     limits: Limits,
 ) -> list[Cutting]:
-    """Cuts of different windows, best first; none when nothing can be told apart.
+    """Cuts of different windows, best first; none when no cut separates anything.
 
     owners, thetas, masses: (k,) edge, dwell time and dual mass of each active inequality. last:
     where an infinite range ends for this purpose.

@@ -51,6 +51,7 @@ def prove_common(
 ) -> Verdict:
     """Prove P > 0 and M(theta)' P M(theta) < gamma^2 P for all theta in a range.
 
+    The inequality of Briat, Automatica 49 (2013), Theorem 3, for gamma = 1.
     The range is [low, high], or [low, infinity). F, H: (n, n) floats or exact rationals; P: (n, n)
     symmetric floats. form: "before_jump" for M = e^{F theta} H, "after_jump" for M = H e^{F theta}.
     Proved or undecided; then evidence["theta"], where there is one, is a float near which the

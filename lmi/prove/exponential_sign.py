@@ -94,15 +94,6 @@ def _taylor(
     return tuple([*(column[i][0] for column in table[:-1]), table[-1][i][0] + error] for i in rows)
 
 
-def times(p: Polynomial, q: Polynomial) -> Polynomial:
-    """Product of two polynomials."""
-    result = [0 * p[0] for _ in range(len(p) + len(q) - 1)]
-    for i, a in enumerate(p):
-        for j, b in enumerate(q):
-            result[i + j] = result[i + j] + a * b
-    return result
-
-
 def combined(*terms: tuple[Ball | int, Polynomial]) -> Polynomial:
     """Sum of factor times polynomial."""
     length = max(len(p) for _, p in terms)

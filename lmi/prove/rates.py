@@ -48,7 +48,7 @@ def propose_rates(
     *,
     jitter: float = math.inf,
 ) -> Rates | None:
-    """The largest rates that the certificate of a proved range is seen to allow, proved with it.
+    """The largest rates that the certificate of a proved range allows in floats, proved with it.
 
     certificate: {"P": n x n}, or windows as `lmi.prove.windows_proof` reads them. jitter: largest
     change from one dwell time to the next. An infinite range cannot decay faster in time than the

@@ -184,7 +184,7 @@ def _numbers(interval: Interval) -> tuple[Rational, Rational | None]:
 
 
 def _check_edges(edges: Sequence[Edge], listed: frozenset[Edge]) -> None:
-    """The certificate tells its reader the same edges."""
+    """Unreadable unless these edges are those that the certificate lists."""
     if missing := set(edges) - listed:
         s, t, *_ = min(missing)
         raise Unreadable(f"window {t + 1} can follow window {s + 1}, which the edges do not list")

@@ -111,7 +111,7 @@ def approx_evidence(stack: Stack, thetas: Value, low: float, high: float) -> New
 def prove_again(
     stack: Stack, low: float, high: float, margin: float, *, budget: TimeBudget = UNLIMITED
 ) -> Verdict:
-    """The proof of `decide_full_rank` without its search: asked is the evidence's."""
+    """The proof of `decide_full_rank` without its search; the margin is that of the evidence."""
     if stack.shape[0] < stack.shape[1]:
         return refuted(too_few(stack))
     R, full = coordinates(stack, low, high)

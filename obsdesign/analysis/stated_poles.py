@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from lmi.arithmetic.balls import (
     rational,
     to_float,
 )
+from lmi.arithmetic.polynomials import divided, product
 from obsdesign.problem.options import Pole
 
 # relative distance of coefficients of polynomials that counts as none
@@ -87,13 +87,13 @@ def gap(F: Exact, poles: Sequence[Pole], changes: Iterable[Exact] = ()) -> Gap:
     largest = pace or float(np.abs(to_float(F)).max()) or 1.0
     sizes = [float(abs(v)) or _SIZE_OF_ZERO * largest for v in values.tolist()]
     stated = product(real_factors(poles))
-    quotient, remainder = _divided(characteristic_polynomial(F), stated)
+    quotient, remainder = divided(characteristic_polynomial(F), stated)
     whole = product([[rational(size), rational(1.0)] for size in sizes])
     least = rational(_SIZE_OF_ZERO) * max(abs(c) for c in quotient)
     scale = product([whole, [abs(c) or least for c in quotient]])
     room = [0 * c for c in remainder]
     for change in changes:
-        _, other = _divided(characteristic_polynomial(F + change), stated)
+        _, other = divided(characteristic_polynomial(F + change), stated)
         room = [r + abs(b - a) for r, a, b in zip(room, remainder, other, strict=True)]
     parts = [(abs(c) / s, r / s) for c, r, s in zip(remainder, room, scale, strict=False)]
     degree = max(range(len(parts)), key=lambda k: parts[k][0])
@@ -101,30 +101,6 @@ def gap(F: Exact, poles: Sequence[Pole], changes: Iterable[Exact] = ()) -> Gap:
     return Gap(nearest_float(parts[degree][0]), degree, is_rounding)
 
 
-def product(factors: Iterable[Sequence[Rational]]) -> list[Rational]:
-    """The product of polynomials, constant terms first."""
-    return reduce(_times, map(list, factors), [rational(1.0)])
-
-
 def complex_text(value: complex) -> str:
     """Text of a mode, with its conjugate."""
     return f"{value.real:.6g}" + (f" +- {abs(value.imag):.6g}i" if value.imag else "")
-
-
-def _times(p: list[Rational], q: list[Rational]) -> list[Rational]:
-    result = [rational(0.0)] * (len(p) + len(q) - 1)
-    for i, a in enumerate(p):
-        for j, b in enumerate(q):
-            result[i + j] = result[i + j] + a * b
-    return result
-
-
-def _divided(p: list[Rational], monic: list[Rational]) -> tuple[list[Rational], list[Rational]]:
-    """Quotient and remainder; the latter with as many coefficients as the divisor's degree."""
-    rest, degree = list(p), len(monic) - 1
-    quotient = [rational(0.0)] * (len(p) - degree)
-    for shift in reversed(range(len(quotient))):
-        quotient[shift] = factor = rest[shift + degree]
-        for i, c in enumerate(monic):
-            rest[i + shift] = rest[i + shift] - factor * c
-    return quotient, rest[:degree]

@@ -76,6 +76,13 @@ def time_option(more: str = "in all") -> Callable[[_Command], _Command]:
     )  # fmt: skip
 
 
+def output_option(default: str, what: str) -> Callable[[_Command], _Command]:
+    """-o FILE as `output`; what: is written there."""
+    return click.option(
+        "-o", "--output", type=click.Path(), default=default, show_default=True, help=what
+    )
+
+
 def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:
     """The problem in a file, for its own kind or another, and the entries dropped for that."""
     from obsdesign.problem.problem import load_for_kind, load_problem

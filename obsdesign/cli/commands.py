@@ -26,9 +26,7 @@ _LONGEST_LINE = 1000  # characters
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="obsdesign")
-@click.option(
-    "-q", "--quiet", is_flag=True, help="Only errors, exit codes, and what was asked for."
-)
+@click.option("-q", "--quiet", is_flag=True, help="Only errors, exit codes and requested output.")
 @click.option("-v", "--verbose", is_flag=True, help="Also the numbers behind each claim.")
 def cli(quiet: bool, verbose: bool) -> None:
     """Observers for impulsive, sampled and unknown-input linear systems."""

@@ -14,6 +14,7 @@ from obsdesign.cli.arguments import (
     dwell_times,
     numbers,
     one_of,
+    output_option,
     source_of,
 )
 from obsdesign.cli.talk import is_quiet, on_stderr, say, warn
@@ -41,9 +42,7 @@ if TYPE_CHECKING:
               help="zero, extreme, random or sine.")  # fmt: skip
 @click.option("--seed", type=Count(min=0), default=0, show_default=True)
 @click.option("--events", type=click.Path(), help="Write the true unknown impulses to this file.")
-@click.option(
-    "-o", "--output", type=click.Path(), default="data.csv", show_default=True, help="Data file."
-)
+@output_option("data.csv", "Data file.")
 def simulate(
     *, source: str, output: str, events: str | None, seed: int, until: float | None,
     step: float | None, initial: str | None, dwell: str, disturbance: str,
@@ -51,7 +50,7 @@ def simulate(
     """Simulate the plant of a problem or design exactly, with its true state."""
     import numpy as np
 
-    from obsdesign.data.records import table_text
+    from obsdesign.data.csv_text import table_text
     from obsdesign.data.simulation import simulate as run_simulation
     from obsdesign.output_files import refuse_overwriting, write_text
 
@@ -121,14 +120,7 @@ def run(
 @click.command()
 @click.argument("estimate", type=click.Path())
 @click.argument("data", required=False, type=click.Path())
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(),
-    default="estimate.png",
-    show_default=True,
-    help="PNG or SVG file.",
-)
+@output_option("estimate.png", "PNG or SVG file.")
 @click.option(
     "--events", type=click.Path(), help="Draw the impulses of this file too, with the measurements."
 )
@@ -186,9 +178,7 @@ def _output_of(design_file: str) -> Output:
 
 @click.command()
 @click.argument("design_file", metavar="DESIGN", type=click.Path())
-@click.option(
-    "-o", "--output", type=click.Path(), default="gains.mat", show_default=True, help="MATLAB file."
-)
+@output_option("gains.mat", "MATLAB file.")
 def export(design_file: str, output: str) -> int:
     """Write the gains and the plant of DESIGN to a MATLAB file."""
     from obsdesign.design_file import load_design

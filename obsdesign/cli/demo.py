@@ -10,8 +10,8 @@ import numpy as np
 
 from obsdesign import workflow
 from obsdesign.cli.answers import EXIT_CODES, show
+from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
-from obsdesign.data.records import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.design_file import load_design
 from obsdesign.errors import InputError

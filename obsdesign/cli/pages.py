@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from obsdesign.cli.arguments import AS_JSON, NUMBER, Count, numbers, time_option
+from obsdesign.cli.arguments import AS_JSON, NUMBER, Count, numbers, output_option, time_option
 from obsdesign.cli.talk import is_quiet, say
 from obsdesign.errors import InputError
 
@@ -70,9 +70,7 @@ def compare(
     help="Draw the bounds of this design of the same plant too.  [default: of kind interval, if "
     "DESIGN is of kind set_membership]",
 )
-@click.option(
-    "-o", "--output", type=click.Path(), default="report.html", show_default=True, help="HTML file."
-)
+@output_option("report.html", "HTML file.")
 def report(
     *, design_file: str, data: str | None, initial: str | None, beside: str | None, output: str
 ) -> int:

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from obsdesign.cli.arguments import AS_JSON, KIND, NUMBER, one_of, problem_of, time_option
+from obsdesign.cli.arguments import (
+    AS_JSON,
+    KIND,
+    NUMBER,
+    one_of,
+    output_option,
+    problem_of,
+    time_option,
+)
 from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, progress_message, say, warn
 from obsdesign.errors import naming
 from obsdesign.kinds import SEARCHES
@@ -44,14 +52,7 @@ def check(problem: str, seconds: float | None, as_json: bool) -> int:
 @click.command()
 @click.argument("problem", type=click.Path())
 @KIND
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(),
-    default="design.json",
-    show_default=True,
-    help="Design file.",
-)
+@output_option("design.json", "Design file.")
 @click.option("--allow-undecided", is_flag=True, help="Write a design with undecided claims too.")
 @time_option()
 @AS_JSON

@@ -7,7 +7,7 @@ import os
 
 import click
 
-from obsdesign.cli.arguments import KIND, NUMBER, Count, problem_of, time_option
+from obsdesign.cli.arguments import KIND, NUMBER, Count, output_option, problem_of, time_option
 from obsdesign.cli.talk import on_stderr, progress_bar, say, warn
 from obsdesign.errors import naming
 
@@ -27,8 +27,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 @click.option("--jobs", type=Count(min=1),
               help="Processes.  [default: one; all cores for what takes longer]")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to work for instead.")
-@click.option("-o", "--output", type=click.Path(), default="sweep.jsonl", show_default=True,
-              help="JSON lines, one per point; points it holds are not done again.")  # fmt: skip
+@output_option("sweep.jsonl", "JSON lines, one per point; points it holds are not done again.")
 def sweep(
     *, problem: str, over: tuple[str, ...], what: str, kind: str | None, accuracy: float,
     seconds: float | None, jobs: int | None, scheduler: str | None, output: str,

@@ -11,11 +11,12 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.column_names import BOUNDED, ENDS, SIGNALS
 from obsdesign.entries import LARGEST, number_from_text, shown
 from obsdesign.errors import InputError, naming
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 
-_TITLE = r"[bcv][1-9]\d*_(lo|hi)"
+_TITLE = rf"[{''.join(BOUNDED)}][1-9]\d*_({'|'.join(ENDS)})"
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def number_in(
     except ValueError:
         value = math.nan
     if not abs(value) <= LARGEST:
-        empty = " or empty" if title[0] in "yuwbcv" else ""
+        empty = " or empty" if title[0] in (*SIGNALS, *BOUNDED) else ""
         what = "a finite number" if not math.isfinite(value) else f"at most {LARGEST:g} in size"
         raise InputError(f"{where}: {title} must be {what}{empty}; got {shown(text)}.")
     return value

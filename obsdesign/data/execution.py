@@ -15,13 +15,11 @@ from itertools import chain
 from pathlib import Path
 from typing import TextIO
 
+from obsdesign.data.csv_text import estimate_header, estimate_line, event_line
 from obsdesign.data.records import (
     Layout,
     Remark,
     discard,
-    estimate_header,
-    estimate_line,
-    event_line,
     read_samples,
 )
 from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress

@@ -1,27 +1,25 @@
-"""Data files: CSV in, CSV out, one row at a time.
+"""Data files (CSV), read one row at a time.
 
-In: t, y1..yp, and u1.., w1.., jump where the plant has known inputs, known jump inputs, jumps;
-b1_lo, b1_hi.., c1_lo.., v1_lo.. where a kind uses bounds of rows; other columns are ignored. An
-empty y is a missing sample, an empty bound the declared one. Out: t, the columns of the observer,
-status. Every complaint names the file, the line and the column.
+They have the columns of a `Layout`; others are ignored. An empty y is a missing sample, an empty
+bound the declared one. Every complaint names the file, the line and the column.
 """
 
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TextIO
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
+from obsdesign.column_names import data_columns, numbered
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import Estimate, Sample
+from obsdesign.runtime.base import Sample
 from obsdesign.runtime.bounds import DeclaredBounds
 
 Remark = Callable[[str], None]
@@ -55,9 +53,7 @@ class Layout:
     @property
     def columns(self) -> tuple[str, ...]:
         """Required columns, in their usual order."""
-        counts = {"y": self.y, "u": self.u, "w": self.w}
-        numbered = [f"{letter}{i + 1}" for letter, n in counts.items() for i in range(n)]
-        return ("t", *numbered, *(["jump"] if self.jump else []))
+        return data_columns({"y": self.y, "u": self.u, "w": self.w}, self.jump)
 
     @property
     def optional(self) -> tuple[str, ...]:
@@ -218,7 +214,7 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
         return number_in(cells, places, title, where)
 
     def group(letter: str, size: int) -> Array | None:
-        values = [number(f"{letter}{i + 1}") for i in range(size)]
+        values = [number(title) for title in numbered(letter, size)]
         if not values or any(value is None for value in values):
             return None
         return np.array(values, dtype=np.float64)
@@ -233,46 +229,6 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
     if jump and layout.w and w is None:
         raise InputError(f"{where}: w1 is required at a jump; it is empty.")
     return Sample(t, group("y", layout.y), group("u", layout.u), w, bool(jump))
-
-
-def estimate_header(names: Iterable[str]) -> str:
-    """First line of an estimate file."""
-    return ",".join(["t", *names, "status"])
-
-
-def estimate_line(estimate: Estimate) -> str:
-    """One line of an estimate file; numbers so that they are read back exactly."""
-    numbers = [estimate.t]
-    if estimate.x is not None:
-        numbers += estimate.x.tolist()
-    if estimate.lower is not None and estimate.upper is not None:
-        numbers += np.column_stack([estimate.lower, estimate.upper]).reshape(-1).tolist()
-    if estimate.d is not None:
-        numbers += estimate.d.tolist()
-    for pairs in (estimate.directions, estimate.lagged):
-        if pairs is not None:
-            numbers += pairs.T.reshape(-1).tolist()
-    return ",".join([*map(_cell, numbers), estimate.status.replace(",", ";")])
-
-
-def event_line(cells: Sequence[float | str]) -> str:
-    """One line of an event file: texts without their commas, NaN as an empty cell."""
-    return ",".join(_cell(x).replace(",", ";") for x in cells)
-
-
-def table_text(columns: dict[str, Array]) -> str:
-    """CSV text of equally long columns; NaN becomes an empty cell, integers stay integers."""
-    out = io.StringIO()
-    out.write(",".join(columns) + "\n")
-    cells = [[_cell(value) for value in values.tolist()] for values in columns.values()]
-    out.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
-    return out.getvalue()
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, float):
-        return "" if math.isnan(value) else repr(value)
-    return str(value)
 
 
 def read_columns(path: str) -> dict[str, list[str]]:

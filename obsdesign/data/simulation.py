@@ -15,11 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
+from obsdesign.column_names import JUMP, SIGNALS, TIME, TRUTH
 from obsdesign.data.jump_times import jump_times
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
+from obsdesign.runtime.columns import named_columns
 
 # exponent by which an unstable mode may grow in a default simulation
 _GROWN = 6.0
@@ -41,7 +43,7 @@ class Simulation:
     @property
     def t(self) -> Matrix:
         """Time stamps, (rows,)."""
-        return self.columns["t"]
+        return self.columns[TIME]
 
     def block(self, letter: str) -> Matrix:
         """Columns y, u, w, x or d as one array (rows, number)."""
@@ -62,15 +64,17 @@ def simulate(
     rng: np.random.Generator | None = None,
     announced: bool = False,
 ) -> Simulation:
-    """Simulate a plant from t = 0.
+    """Simulate a plant from t = 0, by matrix exponentials from row to row: exact up to rounding.
 
-    until, step: end and spacing of the rows, in the plant's time unit (default: some ten dwell
-    times; the sampling period, else a round number near until/500). initial: x(0), default ones.
-    dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in
-    turn. disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held),
-    `random` or `sine`. rng: a numpy Generator (default: seed 0). announced: the record has the
-    times of impulses of unknown weight too, which every kind but `impulsive_input` needs. Raises
-    InputError otherwise.
+    until, step: end and spacing of the rows, in the plant's time unit (default: ten dwell times,
+    without jumps 200 periods or ten time constants of the slowest mode; the sampling period, else a
+    round number near until/500). initial: x(0), (n,), default ones. dwell: `shortest`, `random`
+    (admissible), one dwell time, or a sequence of them, repeated in turn. disturbance: `zero` (the
+    middle of every bound, no noise), `extreme` (a corner, held), `random` or `sine`. rng: a numpy
+    Generator (default: seed 0). announced: the record has the times of impulses of unknown weight
+    too, which every kind but `impulsive_input` needs.
+
+    InputError for options that do not fit the plant, and where the state overflows.
     """
     if disturbance not in DISTURBANCES:
         raise InputError(
@@ -121,7 +125,7 @@ def default_until(plant: Plant, dwell: str | float | Sequence[float]) -> float:
 def _settled(plant: Plant) -> float:
     """200 sampling periods, or ten times the slowest mode's; less where x would grow far."""
     modes = np.linalg.eigvals(plant.flow.A)
-    fastest, period = float(np.abs(modes).max()), plant.output.period or 0.0
+    fastest, period = float(np.abs(modes).max()), plant.output.sample_spacing
     if fastest == 0 or not math.isfinite(fastest):
         return 200 * period or 10.0
     slowest = float(np.abs(modes[np.abs(modes) > 1e-6 * fastest]).min())
@@ -242,13 +246,12 @@ def _columns(
     instants: _Instants, y: Matrix, truth: Matrix, source: Signals, *, reports: bool
 ) -> dict[str, Array]:
     """Columns of a record; reports: has it one that says where jumps are?"""
-    columns: dict[str, Array] = {"t": instants.times}
+    columns: dict[str, Array] = {TIME: instants.times}
     w = np.where(instants.is_jump[:, None], source.w, np.nan)
-    d = source.unknown(instants.times)
-    for letter, values in (("y", y), ("u", source.u), ("w", w)):
-        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+    for letter, values in zip(SIGNALS, (y, source.u, w), strict=True):
+        columns |= named_columns(letter, values)
     if reports:
-        columns["jump"] = instants.is_jump.astype(np.int64)
-    for letter, values in (("x", truth), ("d", d)):
-        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+        columns[JUMP] = instants.is_jump.astype(np.int64)
+    for letter, values in zip(TRUTH, (truth, source.unknown(instants.times)), strict=True):
+        columns |= named_columns(letter, values)
     return columns

@@ -53,13 +53,3 @@ def idle_gains(plant: Plant) -> dict[str, str]:
     elif plant.output.jump_measurement == "none":
         idle |= {"M": "output.jump_measurement is 'none'"}
     return idle
-
-
-def reason_against_sampling(measured: str, kind: str | None) -> str | None:
-    """Return why no observer with gains L, M serves this kind of measurement, or None."""
-    if measured != "periodic":
-        return None
-    return (
-        f"output.measured = 'periodic' is not available for kind {kind!r} in this version; "
-        "it must be continuous or at_jumps."
-    )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.arrays import Value
+from obsdesign.column_names import numbered
 from obsdesign.document import Design
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
@@ -95,7 +96,7 @@ def control_estimator(design: Design) -> Any:
     B = np.zeros((n, 0)) if typed.B is None else typed.B
     F = flow_error_matrix(typed.A, L, typed.C)
     states = [f"x{i + 1}_hat" for i in range(n)]
-    inputs = [f"y{i + 1}" for i in range(p)] + [f"u{i + 1}" for i in range(B.shape[1])]
+    inputs = [*numbered("y", p), *numbered("u", B.shape[1])]
     return control.StateSpace(
         F, np.hstack([L, B]), np.eye(n), np.zeros((n, p + B.shape[1])), 0,
         inputs=inputs, outputs=states, states=states, name=f"{design.name}_observer",

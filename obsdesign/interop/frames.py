@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
+from obsdesign.column_names import STATUS, TIME, numbered, pairs
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate
-from obsdesign.runtime.columns import Batch, collect
+from obsdesign.runtime.columns import Batch, collect, named_columns
 
 
 def to_columns(estimates: Batch | Iterable[Estimate]) -> dict[str, Array]:
@@ -19,15 +20,16 @@ def to_columns(estimates: Batch | Iterable[Estimate]) -> dict[str, Array]:
     estimates: what `run_batch` returns, or what `step` and `run` give one by one.
     """
     batch = estimates if isinstance(estimates, Batch) else collect(estimates)
-    columns: dict[str, Array] = {"t": batch.t}
+    columns: dict[str, Array] = {TIME: batch.t}
     if batch.x is not None:
-        columns |= {f"x{i + 1}": values for i, values in enumerate(batch.x.T)}
+        columns |= named_columns("x", batch.x)
     if batch.lower is not None and batch.upper is not None:
-        for i, (low, high) in enumerate(zip(batch.lower.T, batch.upper.T, strict=True)):
-            columns |= {f"x{i + 1}_lo": low, f"x{i + 1}_hi": high}
+        names = numbered("x", batch.lower.shape[1])
+        for name, low, high in zip(names, batch.lower.T, batch.upper.T, strict=True):
+            columns |= dict(zip(pairs([name]), (low, high), strict=True))
     if batch.d is not None:
-        columns |= {f"d{i + 1}": values for i, values in enumerate(batch.d.T)}
-    return columns | {"status": np.array(batch.status, dtype=object)}
+        columns |= named_columns("d", batch.d)
+    return columns | {STATUS: np.array(batch.status, dtype=object)}
 
 
 def to_frame(estimates: Batch | Iterable[Estimate]) -> Any:

@@ -49,7 +49,7 @@ _Evidence = EntriesByClaim
 class Curve:
     """Named series (points,) over x, a level to stay below or above, and the proved range.
 
-    steps: values hold from one x to the next. caption: what is seen, in one sentence.
+    steps: values hold from one x to the next. caption: one sentence.
     """
 
     title: str

@@ -51,7 +51,8 @@ def write_report(
 
     data: what to run the observer on, and where it starts, as `run` takes it; without data
     the plant is simulated. beside: the file of a second design of the plant whose bounds are drawn
-    too, as `design_beside` has it. InputError when a file cannot be read or run.
+    too, as `design_beside` has it. InputError when a file cannot be read, or a design cannot run
+    on it.
     """
     design = load_design(path)
     other = None if beside is None else design_beside(design, beside, data.path)

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from lmi.window_memory import AUTO, Memory
 from obsdesign.errors import InputError
 from obsdesign.problem.options_base import Options, option
 from obsdesign.problem.schema import NONNEGATIVE, POSITIVE, Fragment, ref
@@ -117,7 +118,7 @@ class GainConstraints:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ConstrainedGains(Options):
-    """Options of kinds whose gains L and M may be constrained."""
+    """Options of kinds with gains L and M: constraints on them, and the reach of certificates."""
 
     gain_norm: Mapping[str, float] | None = option(GAIN_NORM, "Largest spectral norm of a gain.")
     structure: Mapping[str, Pattern] | None = option(
@@ -125,6 +126,13 @@ class ConstrainedGains(Options):
     )
     region: Mapping[str, Region] | None = option(
         REGION, "Where the eigenvalues of the error's flow, and of its matrix at jumps, must lie."
+    )
+    memory: Memory = option(
+        ref("memory"),
+        "Dwell times a certificate may look at: auto (default), 0 for one common matrix, or a "
+        "depth.",
+        whole=True,
+        default=AUTO,
     )
 
     def gain_constraints(self, gain: str) -> GainConstraints:

@@ -1,6 +1,6 @@
 """The [observer] block: gains that are kept and options, checked against kind and plant.
 
-The schema has seen to names, types and words; here numbers are finite, matrices have the sizes the
+The schema has checked names, types and words; here numbers are finite, matrices have the sizes the
 plant gives them, and entries agree with each other.
 """
 

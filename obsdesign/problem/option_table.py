@@ -1,17 +1,18 @@
-"""The options of every kind in one table, and what is asked of it."""
+"""The options of every kind in one table, and look-ups in it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
 
+from lmi.window_memory import AUTO, Memory
+from obsdesign.problem.gain_constraints import ConstrainedGains
 from obsdesign.problem.options import (
     FiniteTimeOptions,
     ImpulsiveInputOptions,
     ImpulsiveOptions,
     IntervalOptions,
     LuenbergerOptions,
-    Memory,
     SetMembershipOptions,
     UnknownInputOptions,
 )
@@ -40,8 +41,8 @@ def owners(name: str) -> list[str]:
 
 
 def memory_of(options: Options) -> Memory:
-    """Dwell times a certificate may look at; "auto" where the problem or its kind has none."""
-    return options.memory if isinstance(options, IntervalOptions | LuenbergerOptions) else "auto"
+    """Dwell times a certificate may look at; AUTO where the problem or its kind has none."""
+    return options.memory if isinstance(options, ConstrainedGains) else AUTO
 
 
 def is_whole(kind: str | None, name: str) -> bool:

@@ -1,9 +1,7 @@
 """Options of the [observer] block: one frozen dataclass per kind.
 
-A field's default stands where the file has no such entry; None where the kind chooses.
-
-A field declares the JSON Schema of its entry. Values are those of `observer_options.options`:
-finite numbers, lists as tuples, read-only tables.
+A field declares the JSON Schema of its entry and its default, None where the kind chooses. Values
+are those of `observer_options.options`: finite numbers, lists as tuples, read-only tables.
 """
 
 from __future__ import annotations
@@ -12,7 +10,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from obsdesign.errors import InputError
 from obsdesign.problem.gain_constraints import ConstrainedGains
@@ -25,17 +23,14 @@ from obsdesign.problem.schema import (
     list_of,
     one_of,
     ref,
+    whole_number,
 )
 
 if TYPE_CHECKING:
     from obsdesign.problem.plant import Plant
 
-Memory = int | Literal["auto"]
 Pole = float | tuple[float, float]
 
-_MEMORY = (
-    "Dwell times a certificate may look at: auto (default), 0 for one common matrix, or a depth."
-)
 _POLES = "Poles of the error's flow, one per state of it; one of a conjugate pair stands for both."
 _WEIGHTS = (
     "Diagonal weights of the Riccati equation for L, in the plant's coordinates; default ones."
@@ -68,7 +63,6 @@ class IntervalOptions(ConstrainedGains):
         "Weight of each state's width in objective narrowest; default all alike. Only their ratios "
         "matter.",
     )
-    memory: Memory = option(ref("memory"), _MEMORY, whole=True, default="auto")
 
     def check(self, plant: Plant) -> None:
         """InputError unless there is a width weight per state, and one of them is not zero."""
@@ -78,12 +72,7 @@ class IntervalOptions(ConstrainedGains):
             raise InputError("observer.width_weights must not all be zero.")
 
 
-_WINDOW_STAGES: Mapping[str, object] = {
-    "type": "integer",
-    "minimum": 1,
-    "maximum": 200,
-    "title": "a whole number of stages, from 1 to 200",
-}
+_WINDOW_STAGES = whole_number(1, 200, "a whole number of stages")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,7 +85,7 @@ class SetMembershipOptions(Options):
         whole=True,
     )
     steps: int = option(
-        {"type": "integer", "minimum": 1, "maximum": 50, "title": "a whole number, from 1 to 50"},
+        whole_number(1, 50),
         "Interior point steps of the search for multipliers in each row; default 8.",
         whole=True,
         default=8,
@@ -129,10 +118,9 @@ class LuenbergerOptions(ConstrainedGains):
 
     poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
     decay_rate: float = option(
-        NONNEGATIVE, "Exponential decay that is asked for, per unit of time.", default=0.0
+        NONNEGATIVE, "Exponential decay that is required, per unit of time.", default=0.0
     )
     weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
-    memory: Memory = option(ref("memory"), _MEMORY, whole=True, default="auto")
     schedule: int | tuple[float, ...] | None = option(
         {
             "anyOf": [{"type": "integer", "minimum": 2}, POSITIVE_LIST],
@@ -159,7 +147,7 @@ class ImpulsiveOptions(Options):
     """Options of kind impulsive."""
 
     window: int | None = option(
-        {"type": "integer", "minimum": 1, "title": "a whole number >= 1"},
+        whole_number(1),
         "Number of impulses that a gain looks back at.",
         whole=True,
     )
@@ -174,7 +162,7 @@ class ImpulsiveOptions(Options):
     )
     decay_rate: float = option(
         NONNEGATIVE,
-        "Exponential decay that is asked for, per unit of time; chooses alpha.",
+        "Exponential decay that is required, per unit of time; chooses alpha.",
         default=0.0,
     )
     noise_target: tuple[float, ...] | None = option(
@@ -301,12 +289,7 @@ class UnknownInputOptions(Options):
         "else cell.",
     )
     lag: int = option(
-        {
-            "type": "integer",
-            "minimum": 1,
-            "maximum": 1000,
-            "title": "a whole number of samples, from 1 to 1000",
-        },
+        whole_number(1, 1000, "a whole number of samples"),
         "Delay of fixed_lag, in samples; default 10.",
         whole=True,
         default=10,

@@ -19,41 +19,40 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.entries import (
-    is_number,
     matrix,
     positive,
     real,
     require_shape,
     shown,
     size_text,
-    vector,
 )
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import Block, DisturbedBlock, set_fields
+from obsdesign.problem.noise import noise_numbers, noise_pairs
 from obsdesign.problem.schema import DWELL_RANGE, POSITIVE, file_entry, one_of, ref
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 JUMP_MEASUREMENTS = ("before", "after", "none")
 # what is left out: __post_init__ fills it in, and for a jump the plant, which knows the sizes
 _DEFAULT: Value = None
+_DISTURBANCE = "Bounds of {}, or of w where there is a disturbance_matrix; default 0."
 
 
 @dataclass(frozen=True, eq=False)
 class Flow(DisturbedBlock):
-    """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b.
+    """The flow x' = A x + B u(t) + D d(t) + b(t), lower <= b(t) <= upper.
 
+    A (n, n); B (n, m): known input; D (n, q): unknown input; lower, upper (n,): zero by default.
     With a disturbance_matrix Bw (n, k), b = Bw w(t) and lower, upper (k,) are bounds of w.
+    InputError where sizes do not agree, numbers are not finite or bounds are crossed.
     """
 
     A: Matrix = file_entry(ref("matrix"), "n x n.")
     B: Matrix | None = file_entry(ref("matrix"), "n x m, known input u.", default=None)
     D: Matrix | None = file_entry(ref("matrix"), "n x q, unknown input d.", default=None)
     lower: Matrix = file_entry(
-        ref("bounds"),
-        "Bounds of b(t), or of w where there is a disturbance_matrix; default 0.",
-        default=_DEFAULT,
-        name="disturbance",
+        ref("bounds"), _DISTURBANCE.format("b(t)"), default=_DEFAULT, name="disturbance"
     )
     upper: Matrix = _DEFAULT
     disturbance_matrix: Matrix | None = file_entry(
@@ -78,11 +77,13 @@ class Flow(DisturbedBlock):
 
 @dataclass(frozen=True, eq=False)
 class Jump(DisturbedBlock):
-    """G (n, n), None for the identity; E (n, k) known jump input; H (n, r) unknown impulses.
+    """The jump x(t) = G x(t-) + E w[k] + H g[k] + c[k], lower <= c[k] <= upper.
 
-    lower, upper (n,): bounds of c; with a disturbance_matrix W (n, k), c = W w and they are bounds
-    of w, (k,). dwell_time: (shortest, longest) time between jumps, the longest may be infinite;
-    dwell_jitter: largest change from one dwell time to the next.
+    G (n, n): None for the identity; E (n, l): known jump input; H (n, r): directions of impulses of
+    unknown weights g; lower, upper (n,): zero by default. With a disturbance_matrix W (n, k),
+    c = W w and lower, upper (k,) are bounds of w. dwell_time: (shortest, longest) time between
+    jumps, the longest may be infinite; dwell_jitter: largest change from one dwell time to the
+    next. Times in the unit of flow.A. InputError as for `Flow`.
     """
 
     G: Matrix = file_entry(ref("matrix"), "n x n; default identity.", default=_DEFAULT)
@@ -91,10 +92,7 @@ class Jump(DisturbedBlock):
         ref("matrix"), "Directions of impulses with unknown weights g.", default=None
     )
     lower: Matrix = file_entry(
-        ref("bounds"),
-        "Bounds of c[k], or of w where there is a disturbance_matrix; default 0.",
-        default=_DEFAULT,
-        name="disturbance",
+        ref("bounds"), _DISTURBANCE.format("c[k]"), default=_DEFAULT, name="disturbance"
     )
     upper: Matrix = _DEFAULT
     dwell_time: tuple[float, float] | None = file_entry(
@@ -137,20 +135,22 @@ class Jump(DisturbedBlock):
 
 @dataclass(frozen=True, eq=False)
 class Output(Block):
-    """C (p, n); noise_bound (p,) or (p, 2) or None, not known; noise_std, noise_cv (p,).
+    """The output y = C x + v, |v_i| <= noise_bound_i: the noise v, and when y is measured.
 
-    One number serves all outputs. noise_bound may hold pairs [lower, upper], with numbers between
-    them; then all are pairs. A bound that is absent stays absent: None is not zero.
+    C (p, n); noise_bound (p,), or (p, 2) of pairs [lower, upper], or None: not known, which is not
+    zero; noise_std, noise_cv (p,): standard deviation noise_std_i + noise_cv_i |y_i|, zero by
+    default. One number serves all outputs; a number among pairs is a pair.
 
-    measured: continuous, periodic (with period) or at_jumps; jump_measurement: what a measurement
-    stamped with a jump time saw: before, after or none.
+    measured: continuous, periodic (with period, in the unit of time of flow.A) or at_jumps;
+    jump_measurement: at a jump y is that of the state before or after it, or there is none.
+    InputError as for `Flow`.
     """
 
     C: Matrix = file_entry(ref("matrix"), "p x n.")
     noise_bound: Matrix | None = file_entry(
         ref("noise_bound"),
         "|v_i| <= noise_bound_i, or lower <= v_i <= upper where that is a pair, at every instant; "
-        "required by kinds that promise bounds. Absent: not known.",
+        "required by kinds that guarantee bounds. Absent: not known.",
         default=None,
     )
     noise_std: Matrix = file_entry(
@@ -177,13 +177,13 @@ class Output(Block):
         C = matrix(self.C, "output.C")
         set_fields(self, C=C)
         if self.noise_bound is not None:
-            pairs = _noise_pairs(self.noise_bound, C)
+            pairs = noise_pairs(self.noise_bound, C)
             if pairs is None:
-                pairs = _noise(self.noise_bound, C, "noise_bound")
+                pairs = noise_numbers(self.noise_bound, C, "noise_bound")
             set_fields(self, noise_bound=pairs)
         for name in ("noise_std", "noise_cv"):
             values = getattr(self, name)
-            set_fields(self, **{name: _noise(0.0 if values is None else values, C, name)})
+            set_fields(self, **{name: noise_numbers(0.0 if values is None else values, C, name)})
         for name, words in (("measured", MEASURED), ("jump_measurement", JUMP_MEASUREMENTS)):
             if getattr(self, name) not in words:
                 raise InputError(
@@ -211,13 +211,21 @@ class Output(Block):
 
     @property
     def sample_period(self) -> float:
-        """Time between samples; 1 where y is not periodic."""
+        """Time between samples; 1 where none is stated."""
         return 1.0 if self.period is None else self.period
+
+    @property
+    def sample_spacing(self) -> float:
+        """Time between samples; 0 where none is stated."""
+        return 0.0 if self.period is None else self.period
 
 
 @dataclass(frozen=True)
 class Plant:
-    """Flow, jump (None: the plant never jumps) and output of equal state dimension n."""
+    """Flow, jump (None: the plant never jumps) and output of n states and p measurements.
+
+    InputError where their sizes differ, or y is measured at jumps and there are none.
+    """
 
     flow: Flow
     jump: Jump | None
@@ -236,42 +244,6 @@ class Plant:
         if self.output.measured == "at_jumps" and self.jump is None:
             raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
         set_fields(self, n=n, p=len(C))
-
-
-def _noise(values: Value, C: Matrix, name: str) -> Matrix:
-    """Numbers >= 0, one per output, from a list of them or from one for all."""
-    entry = f"output.{name}"
-    noise = vector([real(values, entry)] * len(C) if np.ndim(values) == 0 else values, entry)
-    require_shape(noise, entry, (len(C),), f"one per row of output.C ({size_text(C)})")
-    for i in np.flatnonzero(noise < 0):
-        raise InputError(f"{entry} must be >= 0; got {noise[i]:g} for output {i + 1}.")
-    return noise
-
-
-def _noise_pairs(values: Value, C: Matrix) -> Matrix | None:
-    """Pairs [lower, upper], (p, 2), where at least one bound of the noise is a pair; else None."""
-    entry = "output.noise_bound"
-    listed = values if isinstance(values, list | tuple | np.ndarray) else []
-    if not any(isinstance(item, list | tuple | np.ndarray) for item in listed):
-        if len(listed) == 2 and all(map(is_number, listed)) and listed[0] < 0 <= listed[1]:
-            raise InputError(
-                f"{entry} must hold numbers >= 0 or pairs [lower, upper]; got {shown(values)}. "
-                "Is it one pair? That is written [[lower, upper]]."
-            )
-        return None
-    for item in listed:
-        if not is_number(item) and np.shape(item) != (2,):
-            raise InputError(
-                f"{entry} must hold numbers or pairs [lower, upper]; got {shown(item)}."
-            )
-    pairs = matrix([[-item, item] if is_number(item) else item for item in listed], entry)
-    require_shape(pairs, entry, (len(C), 2), f"one pair per row of output.C ({size_text(C)})")
-    for i in np.flatnonzero(pairs[:, 0] > pairs[:, 1]):
-        raise InputError(
-            f"{entry}: lower must not exceed upper; got lower {pairs[i, 0]:g} > upper "
-            f"{pairs[i, 1]:g} for output {i + 1}. Are they swapped?"
-        )
-    return pairs
 
 
 def _dwell_time(values: Value) -> tuple[float, float] | None:

@@ -10,6 +10,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -35,8 +36,10 @@ _KEYS = ("name", "flow", "jump", "output", "observer")
 class Problem:
     """A plant, an observer kind (None: not chosen), gains that are kept, options. Read-only.
 
-    Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file;
-    arrays may be numpy arrays. InputError for anything a problem file may not hold.
+    Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file
+    (docs/problem_file.md); arrays may be numpy arrays. gains: by name, in the shapes of the kind
+    (L (n, p), M (n, p), ...). InputError for anything a problem file may not hold; one line, which
+    entry, what was required, what arrived.
     """
 
     name: str
@@ -113,56 +116,57 @@ class Problem:
         if self.kind is None:
             raise InputError(
                 f"observer.kind is required; it is missing. It is one of {', '.join(KINDS)}; "
-                "`obsdesign check` tells which of them fit this plant."
+                "`obsdesign check` lists which of them fit this plant."
             )
         return self.kind
 
+    def reason_without(self, *entries: str, needed_by: str = "") -> str | None:
+        """Reason against a problem that lacks one of these entries, or None; one sentence.
+
+        entries: optional ones, as "flow.D", "jump", "jump.H"; needed_by: what requires them, the
+        kind unless it is given.
+        """
+        needed_by = needed_by or f"kind {self.kind!r}"
+        for entry in entries:
+            value: Value = self.plant
+            for name in entry.split("."):
+                value = getattr(value, name)
+                if value is None:
+                    absent = "[jump]" if name == "jump" and name != entry else "it"
+                    return _required(entry, needed_by, absent, self.plant.p)
+        return None
+
+    def reason_unless_measured(self, *fitting: str) -> str | None:
+        """Reason against a problem that is not measured in one of these ways, or None."""
+        measured = self.plant.output.measured
+        if measured in fitting:
+            return None
+        return (
+            f"output.measured must be {' or '.join(fitting)} for kind {self.kind!r}; "
+            f"got {measured!r}."
+        )
+
+    def require(self, entry: str, needed_by: str = "") -> Value:
+        """Value of an optional entry, or DoesNotApply with what `reason_without` says."""
+        if reason := self.reason_without(entry, needed_by=needed_by):
+            raise DoesNotApply(reason, entry)
+        return attrgetter(entry)(self.plant)
+
     def require_dwell_time(self) -> tuple[float, float]:
         """(shortest, longest) dwell time, or DoesNotApply where the problem has none."""
-        jump = self.plant.jump
-        if jump is None or jump.dwell_time is None:
-            raise DoesNotApply(
-                f"jump.dwell_time = [shortest, longest] is required by kind {self.kind!r}; "
-                f"{'[jump]' if jump is None else 'it'} is missing.",
-                "jump.dwell_time",
-            )
-        low, high = jump.dwell_time
+        low, high = self.require("jump.dwell_time")
         return low, high
 
-    def require(self, entry: str) -> Value:
-        """Value of an optional entry ("flow.D", "jump.H", "output.period"), or DoesNotApply."""
-        value: Value = self.plant
-        for name in entry.split("."):
-            value = getattr(value, name)
-            if value is None:
-                absent = "[jump]" if name == "jump" and name != entry else "it"
-                raise DoesNotApply(
-                    f"{entry} is required by kind {self.kind!r}; {absent} is missing.", entry
-                )
-        return value
-
-    def require_noise_bound(self, needed_by: str) -> Matrix:
+    def require_noise_bound(self, needed_by: str = "") -> Matrix:
         """Half-widths of the bounds of the noise, (p,), or DoesNotApply where it has none."""
-        bound = self.plant.output.noise_radius
-        if bound is None:
-            zeros = ", ".join(["0.0"] * self.plant.p)
-            raise DoesNotApply(
-                f"output.noise_bound is required by {needed_by}, which promises bounds; it is "
-                f"missing. If y is free of noise, write noise_bound = [{zeros}].",
-                "output.noise_bound",
-            )
-        return bound
+        self.require("output.noise_bound", needed_by)
+        radius: Matrix = self.require("output.noise_radius")
+        return radius
 
-    def require_measured(self, *fitting: str) -> str:
-        """The kind of measurement, one of `fitting`, or DoesNotApply."""
-        measured = self.plant.output.measured
-        if measured not in fitting:
-            raise DoesNotApply(
-                f"output.measured must be {' or '.join(fitting)} for kind {self.kind!r}; "
-                f"got {measured!r}.",
-                "output.measured",
-            )
-        return measured
+    def require_measured(self, *fitting: str) -> None:
+        """DoesNotApply unless the output is measured in one of these ways."""
+        if reason := self.reason_unless_measured(*fitting):
+            raise DoesNotApply(reason, "output.measured")
 
     def with_dwell_time(self, low: float, high: float) -> Problem:
         """The same problem for another range of dwell times."""
@@ -177,7 +181,10 @@ class Problem:
 
 
 def load_problem(path: str | os.PathLike[str]) -> Problem:
-    """Read a problem file: JSON by its suffix .json, else TOML. InputError names file and line."""
+    """Read a problem file: JSON by its suffix .json, else TOML.
+
+    InputError, with file and entry or line, where it cannot be read or states no problem.
+    """
     return load_for_kind(path, None)[0]
 
 
@@ -193,6 +200,16 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
         body |= {"observer": observer}
     with naming(path):
         return Problem.from_dict(body), dropped
+
+
+def _required(entry: str, needed_by: str, absent: str, p: int) -> str:
+    """The sentence about an entry that is missing; p: number of outputs."""
+    written = {"jump": "[jump]", "jump.dwell_time": "jump.dwell_time = [shortest, longest]"}
+    hint = ""
+    if entry == "output.noise_bound":
+        needed_by += ", which guarantees bounds"
+        hint = f" If y is free of noise, write noise_bound = [{', '.join(['0.0'] * p)}]."
+    return f"{written.get(entry, entry)} is required by {needed_by}; {absent} is missing.{hint}"
 
 
 def _as_block(value: Value) -> Value:

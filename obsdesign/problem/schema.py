@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import Field, field
 
 from lmi.arithmetic.arrays import Entries, Value
+from lmi.window_memory import AUTO
 
 Fragment = Entries
 
@@ -55,6 +56,16 @@ def one_of(*words: str) -> Fragment:
 def list_of(item: Fragment, title: str) -> Fragment:
     """A list of at least one item."""
     return {"type": "array", "items": item, "minItems": 1, "title": title}
+
+
+def whole_number(
+    minimum: int, maximum: int | None = None, what: str = "a whole number"
+) -> Fragment:
+    """A whole number within bounds; what: the beginning of the title."""
+    if maximum is None:
+        return {"type": "integer", "minimum": minimum, "title": f"{what} >= {minimum}"}
+    title = f"{what}, from {minimum} to {maximum}"
+    return {"type": "integer", "minimum": minimum, "maximum": maximum, "title": title}
 
 
 NUMBER: Fragment = {"type": "number", "title": "a number"}
@@ -114,8 +125,8 @@ DEFINITIONS: Mapping[str, Fragment] = {
         "additionalProperties": False,
     },
     "memory": {
-        "anyOf": [{"const": "auto"}, {"type": "integer", "minimum": 0}],
-        "title": '"auto" or a whole number >= 0',
+        "anyOf": [{"const": AUTO}, {"type": "integer", "minimum": 0}],
+        "title": f'"{AUTO}" or a whole number >= 0',
     },
     "poles": {
         **list_of(

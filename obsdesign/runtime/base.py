@@ -29,9 +29,9 @@ MODERATE = 1e100
 class Sample(NamedTuple):
     """One row of data at time t, in the plant's time unit.
 
-    y: p measurements, or None for a missing sample; u: known input from t on (None keeps the
-    last one, zero at first); w: known jump input; jump: a jump happens at t, after the
-    measurement (or before it, as the plant's `jump_measurement` says). bounds: of b from t to the
+    y (p,): measurements, None for a missing sample; u (m,): known input from t on (None keeps the
+    last one, zero at first); w (l,): known jump input; jump: a jump happens at t, after the
+    measurement (or before it, as the plant's `jump_measurement` has it). bounds: of b from t to the
     next row, of c at this jump, of v in this y; used by kinds with `declared_bounds` alone.
     """
 
@@ -46,11 +46,11 @@ class Sample(NamedTuple):
 class Estimate(NamedTuple):
     """Estimate at time t after the sample at t and its jump; None for what the kind has not.
 
-    x: point estimate; lower, upper: bounds of the state; d: unknown input; events: detected
-    impulses, or jumps and violations (interval bounds), which `Observer.event_cells` turns into
-    rows of an event file. status: "ok", or why the guarantee does not hold. directions (2, r):
-    lower and upper bounds of l'x for further rows l; lagged (2, n): bounds of the state some rows
-    ago, NaN where there are none yet.
+    x (n,): point estimate; lower, upper (n,): bounds of the state; d (q,): unknown input, its mean
+    since the row before; events: detected impulses, or jumps and violations (interval bounds),
+    which `Observer.event_cells` turns into rows of an event file. status: "ok", or why the
+    guarantee does not hold. directions (2, r): lower and upper bounds of l'x for further rows l;
+    lagged (2, n): bounds of the state some rows ago, NaN where there are none yet.
     """
 
     t: float

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.column_names import numbered, pairs
 
 # lower and upper bounds, of one row (n,) or of all (rows, n)
 Pair = tuple[ArrayLike, ArrayLike]
@@ -62,8 +63,7 @@ class DeclaredBox:
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of its columns: b1_lo, b1_hi, b2_lo, ..."""
-        count = len(self.lower)
-        return tuple(f"{self.name}{i + 1}_{end}" for i in range(count) for end in ("lo", "hi"))
+        return pairs(numbered(self.name, len(self.lower)))
 
     def completed(self, pair: Pair | None) -> tuple[Matrix, Matrix]:
         """(lower, upper) of a row, NaN as declared; ValueError unless they are inside."""

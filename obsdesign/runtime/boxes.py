@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.column_names import numbered, pairs
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import vector
 
@@ -25,7 +26,7 @@ class BoundsFault(Enum):
 
 def bound_names(n: int) -> tuple[str, ...]:
     """Columns of the bounds of n states: x1_lo, x1_hi, ..."""
-    return tuple(f"x{i + 1}_{end}" for i in range(n) for end in ("lo", "hi"))
+    return pairs(numbered("x", n))
 
 
 def midpoint(lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:

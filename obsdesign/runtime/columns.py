@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.column_names import numbered
 from obsdesign.runtime.bounds import Bounds
 
 if TYPE_CHECKING:
@@ -85,6 +86,11 @@ def collect(estimates: Iterable[Estimate]) -> Batch:
         np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows),
         events=tuple(event for row in rows for event in row.events),
     )  # fmt: skip
+
+
+def named_columns(letter: str, values: Matrix) -> dict[str, Matrix]:
+    """The columns of a signal's values (rows, k), under the names that files give them."""
+    return dict(zip(numbered(letter, values.shape[1]), values.T, strict=True))
 
 
 def _table(values: ArrayLike | None, times: Matrix) -> Matrix | None:

@@ -46,7 +46,10 @@ def load(path: str | os.PathLike[str]) -> Observer:
 
 
 def from_design(design: Design, path: str = "design") -> Observer:
-    """The observer of a design in memory."""
+    """The observer of a design in memory; path: what an InputError begins with.
+
+    InputError where gains do not fit each other or are not those of the problem's plant.
+    """
     with naming(path):
         runnable = observer_class(design.kind, design.gains)
         _same_plant(design)
@@ -79,7 +82,7 @@ def _same_plant(design: Design) -> None:
             if name == "dwell_time" and _is_searched_range(design, stated):
                 continue
             raise InputError(
-                f"gains.{name} differs from problem.{block}.{key}; `obsdesign verify` tells more. "
+                f"gains.{name} differs from problem.{block}.{key}; `obsdesign verify` refutes it. "
                 "Was the file put together by hand?"
             )
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.column_names import numbered
 from obsdesign.equations.gains import Gains
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample, State, Stepped, centred_measurement, later
@@ -44,7 +45,7 @@ class PointObserver(ABC, Generic[State]):
     @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t."""
-        return tuple(f"x{i + 1}" for i in range(self.n))
+        return numbered("x", self.n)
 
     @property
     def reads(self) -> dict[str, int | bool]:
@@ -67,7 +68,7 @@ class PointObserver(ABC, Generic[State]):
     def start(self, t: float, initial: Sequence[float] | None) -> State:
         """State from x1, ..., xn, or as `init` has it; InputError unless n finite numbers."""
         if initial is not None and (len(initial) != self.n or not np.isfinite(initial).all()):
-            names = ",".join(f"x{i + 1}" for i in range(self.n))
+            names = ",".join(self.names[: self.n])
             raise InputError(
                 f"--initial must be the {self.n} finite numbers {names}; got {len(initial)} "
                 "numbers."

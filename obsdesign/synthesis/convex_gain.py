@@ -32,7 +32,7 @@ _NORM_SHARE, _REGION_SHARE = 1e-6, 1e-6
 
 @dataclass(frozen=True)
 class GainVariables:
-    """What the `constraints` of `design` and `investigate` get: CVXPY expressions.
+    """CVXPY expressions, the argument of `constraints` of `design` and `investigate`.
 
     In the coordinates and units of the problem file. P (n, n) > 0; for the flow PL = P L (n, p),
     and PM is None; at jumps PM = P M (n, p), and PL is None. P is known up to a factor only. Of

@@ -7,12 +7,13 @@ from dataclasses import asdict
 
 from lmi.arithmetic.arrays import Array, Entries, NewEntries
 from lmi.arithmetic.balls import exact, to_float
-from lmi.decide.stability import Memory, decide
+from lmi.decide.stability import decide
 from lmi.find.copositive import decide_copositive, looks_positive
 from lmi.find.largest_rates import largest_rates
 from lmi.prove.rates import propose_rates
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict
+from lmi.window_memory import Memory
 from obsdesign.problem.option_table import memory_of
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Certificates
@@ -34,9 +35,9 @@ def dwell_certificates(
     low: float,
     high: float,
     *,
-    memory: Memory = "auto",
-    jitter: float = math.inf,
-    budget: TimeBudget = UNLIMITED,
+    memory: Memory,
+    jitter: float,
+    budget: TimeBudget,
 ) -> Certificates:
     """Under the ids of the claims they are for: stability, and the rates its P allows.
 
@@ -64,7 +65,7 @@ def stability_certificate(
     low: float,
     high: float,
     *,
-    memory: Memory = "auto",
+    memory: Memory,
     jitter: float = math.inf,
     budget: TimeBudget = UNLIMITED,
 ) -> Verdict:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.estimation_error import idle_gains, reason_against_sampling
-from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.equations.estimation_error import idle_gains
+from obsdesign.errors import InputError
 from obsdesign.problem.options import ImpulsiveInputOptions, LuenbergerOptions, UnknownInputOptions
 from obsdesign.problem.problem import Problem
 
@@ -16,8 +16,7 @@ def refuse_unusable(problem: Problem) -> None:
     plant = problem.plant
     if plant.jump is not None:
         problem.require_dwell_time()
-    if reason := reason_against_sampling(plant.output.measured, problem.kind):
-        raise DoesNotApply(reason, "output.measured")
+    problem.require_measured("continuous", "at_jumps")
     for name, why in idle_gains(plant).items():
         if np.any(problem.gains.get(name, 0)):
             raise InputError(f"observer.gains.{name} must be zero: {why}; got nonzero entries.")

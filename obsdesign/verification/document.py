@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 from lmi.arithmetic.arrays import NewEntries
-from lmi.verdict import proved, refuted, undecided
+from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
@@ -72,21 +72,7 @@ def document_claim(
         for claim in claims
     )
     sentences = _confirmed_sentences(problem, assumed)
-    older = _claims_of_older_wording(stored, assumed)
-    gap = None if older else _evidence_gap(stored, assumed)
-    entry = _false_entry(design, assumed, sentences, older, gap)
-    if entry is not None:  # an entry may be named "" in a forged file
-        because = f"the document's {entry!r} is not what its gains and problem give"
-        verdict = refuted({"entry": entry, "reason": because})
-    elif open_now:
-        names = ", ".join(open_now)
-        verdict = undecided(f"what the document says of {names} could not be confirmed")
-    elif older:
-        verdict = undecided(_restated(older[0]))
-    elif gap is not None:
-        verdict = undecided(f"the document's {gap.entry!r} is not quite what was proved again")
-    else:
-        verdict = proved(entries=len(stored))
+    verdict = _document_verdict(design, assumed, sentences, open_now)
     claim = Claim.from_verdict(
         "document",
         "claims and guarantees in the document are those that were proved again",
@@ -97,6 +83,33 @@ def document_claim(
         return claim, Sentences()
     more = _withheld(design, sentences)
     return claim, replace(sentences, warnings=(*sentences.warnings, *more))
+
+
+def _document_verdict(
+    design: Design,
+    claims: tuple[Claim, ...],
+    sentences: Sentences | None,
+    open_now: Sequence[str],
+) -> Verdict:
+    """Decide whether a document states `claims` and `sentences`.
+
+    open_now: ids of claims that are undecided now and decided in the document.
+    """
+    stored = {claim.id: claim for claim in design.claims}
+    older = _claims_of_older_wording(stored, claims)
+    gap = None if older else _evidence_gap(stored, claims)
+    entry = _false_entry(design, claims, sentences, older, gap)
+    if entry is not None:  # an entry may be named "" in a forged file
+        because = f"the document's {entry!r} is not what its gains and problem give"
+        return refuted({"entry": entry, "reason": because})
+    if open_now:
+        names = ", ".join(open_now)
+        return undecided(f"what the document says of {names} could not be confirmed")
+    if older:
+        return undecided(_restated(older[0]))
+    if gap is not None:
+        return undecided(f"the document's {gap.entry!r} is not quite what was proved again")
+    return proved(entries=len(stored))
 
 
 def _false_entry(

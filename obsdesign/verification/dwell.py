@@ -15,7 +15,6 @@ from lmi.prove.windows_proof import prove_windows
 from lmi.refute.infeasible import prove_no_common
 from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.verdict import Verdict, undecided
-from obsdesign.equations.estimation_error import reason_against_sampling
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.proposal import Proposal
 
@@ -24,10 +23,8 @@ _Prover = Callable[[Array, Array, "Dwell", "DwellCertificate", str], Verdict]
 
 def reason_against_problem(problem: Problem) -> str | None:
     """Reason for which no observer with gains L, M serves the problem; None if one can."""
-    plant = problem.plant
-    if plant.jump is not None and plant.jump.dwell_time is None:
-        return f"jump.dwell_time = [shortest, longest] is required by kind {problem.kind!r}."
-    return reason_against_sampling(plant.output.measured, problem.kind)
+    absent = None if problem.plant.jump is None else problem.reason_without("jump.dwell_time")
+    return absent or problem.reason_unless_measured("continuous", "at_jumps")
 
 
 @dataclass(frozen=True)
@@ -92,6 +89,27 @@ def dwell_stability(
     """
     low, high = dwell.low, dwell.high
     proposal = DwellCertificate.from_document(certificate)
+    attempt = _attempted_proof(F, H, dwell, proposal, paranoid)
+    if attempt.outcome == "proved":
+        return attempt
+    counter = refute_spectral(F, H, low, high)
+    word = _dwell_times(proposal.witness, low, high)
+    if counter.outcome != "refuted" and word and steps_within(word, dwell.jitter):
+        counter = refute_word(F, H, word)
+    if counter.outcome == "refuted":
+        return counter
+    if proposal.no_common_P is not None:
+        nothing = _no_common(F, H, low, high, proposal.no_common_P)
+        attempt = attempt if nothing is None else nothing
+    evidence = {**counter.evidence, **attempt.evidence}
+    # overflow leaves NaN in place of a number
+    return Verdict("undecided", {key: value for key, value in evidence.items() if value == value})
+
+
+def _attempted_proof(
+    F: Array, H: Array, dwell: Dwell, proposal: DwellCertificate, paranoid: bool
+) -> Verdict:
+    """The first proof by what is proposed, in turn, or the last attempt."""
     attempt = undecided("no certificate P was given or found")
     for value, prover in ((proposal.P, _common), (proposal.windows, _windows)):
         if value is not None:
@@ -99,27 +117,10 @@ def dwell_stability(
             if attempt.outcome == "proved":
                 return attempt
     if proposal.vector is not None:
-        attempt = _copositive(F, H, low, high, proposal)
+        attempt = _copositive(F, H, dwell.low, dwell.high, proposal)
         if attempt.outcome == "proved":
             return attempt
-    if low == high:
-        attempt = decide_constant(F, H, low)
-        if attempt.outcome == "proved":
-            return attempt
-    counter = refute_spectral(F, H, low, high)
-    if counter.outcome == "refuted":
-        return counter
-    word = _dwell_times(proposal.witness, low, high)
-    if word and steps_within(word, dwell.jitter):
-        counter = refute_word(F, H, word)
-        if counter.outcome == "refuted":
-            return counter
-    if proposal.no_common_P is not None:
-        nothing = _no_common(F, H, low, high, proposal.no_common_P)
-        attempt = attempt if nothing is None else nothing
-    evidence = {**counter.evidence, **attempt.evidence}
-    # overflow leaves NaN in place of a number
-    return Verdict("undecided", {key: value for key, value in evidence.items() if value == value})
+    return decide_constant(F, H, dwell.low) if dwell.low == dwell.high else attempt
 
 
 def source_of(verdict: Verdict, paper: str) -> str:

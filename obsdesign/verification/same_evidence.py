@@ -28,7 +28,7 @@ _LAST_DIGITS = 1e-9
 _ESTIMATE, _ESTIMATE_FLOOR = 1e-2, 1e-9
 
 
-# a sentence of interval observers that designs of before do not have: it promises no width
+# a sentence of interval observers that designs of before do not have: it guarantees no width
 ROUNDED_WIDTHS = (
     "Widths are those of exact arithmetic and exact time stamps: what rounding and half an ulp of "
     "a time stamp add is inside the bounds, and widens them."

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from obsdesign.column_names import BOUNDED, JUMP, SIGNALS, TIME, numbered, pairs
 from obsdesign.data.jump_times import jump_times
+from obsdesign.data.records import Layout
 from obsdesign.data.simulation import Simulation, simulate
+from obsdesign.equations.gains import PlantGains
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 
+ROOT = Path(__file__).parents[2]
 ODE_TOLERANCE = 1e-8  # of the integrator that checks us; ours is exact to rounding
 
 
@@ -192,3 +197,21 @@ def test_a_simulation_lasts_as_long_as_its_plant_takes(pace: float) -> None:
     assert len(simulate(Plant(Flow(A), None, output)).t) == 201
     grows = simulate(Plant(Flow(-A), None, Output(np.array([[1.0, 1.0]]))))
     assert np.abs(grows.block("x")).max() < 1e3
+
+
+def test_a_record_has_the_columns_that_observers_read_and_the_truth() -> None:
+    """One list of names: what is written, and what is read."""
+    jumps = plant(E=np.ones((2, 2)))
+    for given in (jumps, Plant(jumps.flow, None, jumps.output)):
+        columns = tuple(simulate(given, until=3.0, step=0.1).columns)
+        read = Layout.from_reads(PlantGains.from_plant(given).columns).columns
+        assert columns == (*read, *numbered("x", 2))
+        assert ("jump" in read, "w2" in read) == (given is jumps, given is jumps)
+
+
+def test_the_docs_name_every_column_of_data() -> None:
+    page = (ROOT / "docs" / "problem_file.md").read_text("utf-8")
+    section = page.split("## Data file (CSV)")[1].split("\n## ")[0]
+    names = [TIME, JUMP, *(f"{letter}1" for letter in (*SIGNALS, "x"))]
+    names += pairs(f"{letter}1" for letter in BOUNDED)[::2]
+    assert [name for name in names if f"`{name}" not in section] == []

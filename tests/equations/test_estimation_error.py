@@ -48,10 +48,3 @@ def test_gains_that_cannot_act(measured: str, when: str, jump: bool, idle: list[
     assert sorted(reasons) == idle
     if idle == ["M"]:
         assert ("no [jump]" in reasons["M"]) is not jump
-
-
-def test_kinds_without_periodic_samples() -> None:
-    assert equations.reason_against_sampling("continuous", "luenberger") is None
-    reason = equations.reason_against_sampling("periodic", "luenberger")
-    assert reason is not None
-    assert "'luenberger'" in reason

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from obsdesign.data.records import table_text
+from obsdesign.data.csv_text import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.document import digest
 from obsdesign.kinds import KINDS

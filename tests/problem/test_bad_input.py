@@ -82,7 +82,7 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("output.measured", "periodic", "output.period is required when measured = 'periodic'; it is missing."),
     ("output.period", 0, "output.period must be a positive number; got 0."),
     ("observer.gains.L", [[0, 1]], "observer.gains.L must be 2x1 (n x p, n states, p outputs); got 1x2. Is it transposed?"),
-    ("observer.kind", REMOVE, "observer.kind is required; it is missing. It is one of interval, set_membership, luenberger, impulsive, finite_time, impulsive_input, unknown_input; `obsdesign check` tells which of them fit this plant."),
+    ("observer.kind", REMOVE, "observer.kind is required; it is missing. It is one of interval, set_membership, luenberger, impulsive, finite_time, impulsive_input, unknown_input; `obsdesign check` lists which of them fit this plant."),
     ("jump.dwell_time", REMOVE, "jump.dwell_time = [shortest, longest] is required by kind 'interval'; it is missing."),
     ("flow.D", [[1], [0]], "flow.D is refused by kind 'interval': an unknown input without bounds leaves no bounds on the state. Give bounds as flow.disturbance."),
     ("jump.H", [[1], [0]], "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds on the state. Give bounds as jump.disturbance."),
@@ -105,8 +105,7 @@ def test_measured_that_the_kind_cannot_use() -> None:
     with pytest.raises(InputError) as error:
         obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert str(error.value) == (
-        "output.measured = 'periodic' is not available for kind 'luenberger' in this version; "
-        "it must be continuous or at_jumps."
+        "output.measured must be continuous or at_jumps for kind 'luenberger'; got 'periodic'."
     )
     body["observer"] = {"kind": "interval", "objective": "shortest_dwell"}
     with pytest.raises(InputError) as error:

@@ -1,4 +1,4 @@
-"""A noise bound that nobody gave is not zero: who promises bounds refuses, nobody else minds."""
+"""A noise bound that is absent is not zero: kinds that guarantee bounds refuse, others do not."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.systems.checks import check_kind
 
 ROOT = Path(__file__).parents[2]
 LINE = (
-    "output.noise_bound is required by kind 'interval', which promises bounds; it is missing. "
+    "output.noise_bound is required by kind 'interval', which guarantees bounds; it is missing. "
     "If y is free of noise, write noise_bound = [0.0]."
 )
 

@@ -185,7 +185,11 @@ def test_what_a_kind_requires() -> None:
     with pytest.raises(InputError) as error:
         still.require("jump.H")
     assert str(error.value) == "jump.H is required by kind 'luenberger'; [jump] is missing."
-    assert problem.require_measured("periodic", "continuous") == "continuous"
+    assert still.reason_without("flow.A", "output.C") is None
+    assert still.reason_without("flow.A", "jump", needed_by="this") == (
+        "[jump] is required by this; it is missing."
+    )
+    problem.require_measured("periodic", "continuous")
     with pytest.raises(InputError) as error:
         problem.require_measured("periodic", "at_jumps")
     assert str(error.value) == (

@@ -20,9 +20,9 @@ _JUMP_ENTRIES = ("G", "E", "jump_lower", "jump_upper", "dwell_time", "dwell_jitt
 
 def reason_against(problem: Problem) -> str | None:
     """Reason why a problem has no finite-time observer, or None; one sentence."""
+    if reason := problem.reason_unless_measured("periodic"):
+        return reason
     output, options = problem.plant.output, problem.options_as(FiniteTimeOptions)
-    if output.measured != "periodic":
-        return f"output.measured must be periodic for kind 'finite_time'; got {output.measured!r}."
     return (
         reason_against_correction(options)
         or _reason_against_window(options.window, output.sample_period)

@@ -21,15 +21,14 @@ def reason_against(problem: Problem) -> str | None:
 
     Unbounded inputs are refused, and options without effect.
     """
-    plant, gains = problem.plant, problem.gains
-    options = problem.options_as(IntervalOptions)
-    if reason := reason_against_plant(plant):
+    gains, options = problem.gains, problem.options_as(IntervalOptions)
+    if reason := reason_against_plant(problem.plant):
         return reason
     if large := large_gain(gains.get("L"), gains.get("M"), options.gain_limit):
         return large.reason("observer.gains")
-    if reason := _reason_against_width(plant, options):
+    if reason := _reason_against_width(problem, options):
         return reason
-    return _reason_against_form(plant, gains, options.form)
+    return _reason_against_form(problem, gains, options.form)
 
 
 def reason_against_plant(plant: Plant) -> str | None:
@@ -37,15 +36,18 @@ def reason_against_plant(plant: Plant) -> str | None:
     return reason_against_unbounded(plant, "interval")
 
 
-def _reason_against_width(plant: Plant, options: IntervalOptions) -> str | None:
+def _reason_against_width(problem: Problem, options: IntervalOptions) -> str | None:
     """Reason against options of the width, or None."""
     for name in ("width", "width_weights"):
         if options.is_stated(name) and options.objective != "narrowest":
-            return f"observer.{name} needs observer.objective = 'narrowest'; it is not asked for."
+            return (
+                f"observer.{name} needs observer.objective = 'narrowest'; got "
+                f"{options.objective!r}."
+            )
     if options.width == "pre_jump":
-        if plant.jump is None:
-            return "[jump] is required by observer.width = 'pre_jump'; it is missing."
-        if plant.output.measured == "periodic":
+        if reason := problem.reason_without("jump", needed_by="observer.width = 'pre_jump'"):
+            return reason
+        if problem.plant.output.measured == "periodic":
             return (
                 "observer.width = 'pre_jump' is not available with measured = 'periodic'; "
                 "it must be mean."
@@ -86,7 +88,7 @@ def large_gain(L: Array | None, M: Array | None, limit: float | None) -> LargeGa
     return None
 
 
-def _reason_against_form(plant: Plant, gains: Mapping[str, Array], form: str) -> str | None:
+def _reason_against_form(problem: Problem, gains: Mapping[str, Array], form: str) -> str | None:
     """Reason against a form for the given gains, or None."""
     if form in ("cooperative", "split"):
         for name in ("S", "S2", "T", "R"):
@@ -105,10 +107,10 @@ def _reason_against_form(plant: Plant, gains: Mapping[str, Array], form: str) ->
         return f"observer.gains.{splits[0]} is a split; with S2 and T there is none."
     if form == "coordinates" and "S2" in gains:
         return "observer.gains.S2 belongs to form 'two_coordinates'; got it with 'coordinates'."
-    if reason := _reason_against_coordinates(plant, gains, form):
+    if reason := _reason_against_coordinates(problem.plant, gains, form):
         return reason
-    if (form == "two_coordinates" or "R" in gains) and plant.jump is None:
-        return "[jump] is required by form 'two_coordinates'; it is missing."
+    if form == "two_coordinates" or "R" in gains:
+        return problem.reason_without("jump", needed_by="form 'two_coordinates'")
     return None
 
 

@@ -17,8 +17,8 @@ from obsdesign.problem.problem import Problem
 
 def reason_against(problem: Problem) -> str | None:
     """Reason for which no bounds can be given for the problem; None if they can."""
-    if problem.plant.output.noise_bound is None:
-        return "output.noise_bound is required by kind 'set_membership'; it is missing."
+    if reason := problem.reason_without("output.noise_bound"):
+        return reason
     return reason_against_unbounded(problem.plant, "set_membership") or _against_window(problem)
 
 

@@ -15,7 +15,7 @@ from lmi.arithmetic.arrays import Value
 from obsdesign.errors import InputError
 from obsdesign.output_files import write_bytes
 
-# Okabe-Ito: told apart in print and by colour-blind readers
+# Okabe-Ito: distinct in print and for colour-blind readers
 BLACK, BLUE, GREEN, VERMILION, GREY = "#000000", "#0072B2", "#009E73", "#D55E00", "#BBBBBB"
 ORANGE = "#E69F00"
 

@@ -1,6 +1,6 @@
 """A sweep as a picture: a curve over one entry, a map over two.
 
-Points with a number show it. Points without are told apart by their colour: refuted, undecided, an
+Points with a number show it. Points without differ by their colour: refuted, undecided, an
 error; proved without a number (for a verdict), or without a limit (infinity); what a
 sweep that was interrupted has not reached yet stays white.
 """

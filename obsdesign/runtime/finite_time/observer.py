@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
+from obsdesign.column_names import pairs
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.runtime.base import (
     MODERATE,
@@ -67,9 +68,8 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
     @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t: x1, ..., and x1_lo, x1_hi, ... where it has bounds."""
-        points = tuple(f"x{i + 1}" for i in range(self.n))
-        ends = tuple(f"{name}_{end}" for name in points for end in ("lo", "hi"))
-        return points + (ends if self.constants.has_bounds else ())
+        points = super().names
+        return points + (pairs(points) if self.constants.has_bounds else ())
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> FiniteTimeState:
         """State at time t; x is a guess that is shown until the window is full, default zeros."""

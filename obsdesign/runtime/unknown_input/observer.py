@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
+from obsdesign.column_names import numbered
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.runtime.base import (
     MODERATE,
@@ -92,8 +93,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t."""
-        states = (f"x{i + 1}" for i in range(self.gains.n))
-        return (*states, *(f"d{i + 1}" for i in range(self.gains.q)))
+        return super().names + numbered("d", self.gains.q)
 
     @property
     def takes_whole_records(self) -> bool:

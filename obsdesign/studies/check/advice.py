@@ -9,8 +9,8 @@ from obsdesign.verification.impulsive.lyapunov import LyapunovFunction
 
 # claim that is not proved -> what may help
 _CLAIMS = {
-    "dwell_stability": "`obsdesign search` with --for shortest_dwell or longest_dwell tells which "
-    "dwell times can be had; leave observer.gains out to have gains synthesised.",
+    "dwell_stability": "`obsdesign search` with --for shortest_dwell or longest_dwell finds the "
+    "dwell times that can be proved; leave observer.gains out to have gains synthesised.",
     "decay_rate": "Ask for a smaller observer.decay_rate.",
     "sampled_stability": "Try a shorter output.period.",
     "hurwitz": "Leave observer.gains out to have them synthesised; where no dwell time is longest, "

@@ -8,6 +8,7 @@ from itertools import islice
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.column_names import numbered
 from obsdesign.data.records import Layout, read_columns, read_samples
 from obsdesign.data.simulation import default_until, simulate
 from obsdesign.entries import numbers_from_cells
@@ -83,7 +84,7 @@ def end_of_record(plant: Plant) -> float | None:
 
 
 def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) -> Matrix | None:
-    names = [f"{letter}{i + 1}" for i in range(count)]
+    names = numbered(letter, count)
     if not names or any(name not in columns for name in names):
         return None
     try:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.time_budget import ended_part
+
+# the entries of an answer where no bracket was searched for
+_WITHOUT_BRACKET = ("proved", "not_proved", "not_proved_verdict", "form")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,43 +40,20 @@ class SearchResult:
 
     def to_dict(self) -> NewEntries:
         """Entries of the answer of `search --json`."""
-        body: NewEntries = {
-            "proved": self.proved,
-            "not_proved": self.not_proved,
-            "not_proved_verdict": self.not_proved_verdict,
-        }
+        names = [entry.name for entry in fields(self) if entry.name != "ended"]
         if self.accuracy is None:
-            return body | {"form": self.form} | dict(self.ended)
-        body |= {
-            "accuracy": self.accuracy,
-            "kept": self.kept,
-            "common_P": self.common_P,
-            "open": self.open,
-            "islands": [list(island) for island in self.islands],
-            "reason": self.reason,
-            "witness": self.witness,
-            **({"these_gains": dict(self.these_gains)} if self.these_gains else {}),
-            "form": self.form,
-            "gains": dict(self.gains),
-        }
+            names = [name for name in names if name in _WITHOUT_BRACKET]
+        elif not self.these_gains:
+            names.remove("these_gains")
+        body: NewEntries = {name: getattr(self, name) for name in names}
+        if "islands" in body:
+            body["islands"] = [list(island) for island in self.islands]
         return body | dict(self.ended)
 
     @staticmethod
     def from_dict(body: Entries) -> SearchResult:
         """The result of any search; entries that its kind does not state keep their defaults."""
-        return SearchResult(
-            proved=body["proved"],
-            not_proved=body["not_proved"],
-            not_proved_verdict=body["not_proved_verdict"],
-            accuracy=body.get("accuracy"),
-            kept=body.get("kept"),
-            common_P=body.get("common_P"),
-            open=body.get("open"),
-            islands=tuple((low, high) for low, high in body.get("islands", ())),
-            reason=body.get("reason"),
-            witness=body.get("witness"),
-            these_gains=body.get("these_gains", {}),
-            form=body.get("form", ""),
-            gains=body.get("gains", {}),
-            ended=ended_part(body),
-        )
+        names = [entry.name for entry in fields(SearchResult) if entry.name in body]
+        known: NewEntries = {name: body[name] for name in names}
+        known["islands"] = tuple((low, high) for low, high in body.get("islands", ()))
+        return SearchResult(**known | {"ended": ended_part(body)})

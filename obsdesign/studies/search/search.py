@@ -25,11 +25,11 @@ def search(
     """The bracket for `what`; accuracy is its relative width.
 
     The outcome's result is that of `SearchResult`, or of `period.search_period`.
-    Verdict: proved when the bracket is as tight as asked, undecided when it is wider, refuted when
-    no range is admissible. InputError when the kind has no such search.
+    Verdict: proved when the bracket is as tight as `accuracy`, undecided when it is wider, refuted
+    when no range is admissible. InputError when the kind has no such search.
 
     seconds: of processor time that searches may take in all; None for their own budgets, which a
-    larger total stretches until the bracket is as tight as asked.
+    larger total stretches until the bracket is as tight as `accuracy`.
     """
     require_search(problem, what, accuracy)
     best: workflow.Outcome | None = None

@@ -8,6 +8,8 @@ search for L ends after some evaluations with the best so far. Floats only.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -80,37 +82,51 @@ def low_noise_injection(
     from scipy.optimize import minimize
 
     gain = _exact_gain if method == "exact" else _approximate_gain
-    (A, C), best, least = plant, L, math.inf
-    left = limit = budget.scaled(_EVALUATIONS)
-
-    def cost(x: Matrix) -> float:
-        nonlocal best, least, left
-        left -= 1
-        if left < 0 or budget.remaining() < 0:
-            raise _BudgetEnded
-        with np.errstate(all="ignore"):
-            try:
-                size = float(np.linalg.norm(gain(A, C, x.reshape(L.shape), *samples)))
-            except np.linalg.LinAlgError:
-                return 1e300
-        if size < least:
-            best, least = x.reshape(L.shape).copy(), size
-        return size if math.isfinite(size) else 1e300
-
+    (A, C), limit = plant, budget.scaled(_EVALUATIONS)
+    sizes = _GainSizes(lambda L: gain(A, C, L, *samples), L, limit, budget)
     reach = float(np.linalg.norm(A, 2)) / float(np.linalg.norm(C, 2))
     unit, remarks = L / np.linalg.norm(L), tuple[Remark, ...]()
     try:
         guesses = [L, *(unit * reach * factor for factor in (0.1, -0.1, 1.0, -1.0))]
-        for x in sorted(guesses, key=lambda x: cost(x.reshape(-1))):
-            minimize(cost, x.reshape(-1), method="Nelder-Mead")
+        for x in sorted(guesses, key=lambda x: sizes.cost(x.reshape(-1))):
+            minimize(sizes.cost, x.reshape(-1), method="Nelder-Mead")
     except _BudgetEnded:
         end = budget.ended() or ended_by_count("evaluations", limit)
         remarks = remark_end("a quiet L", end)
-    return best, remarks, () if np.array_equal(best, L) else ("SciPy",)
+    return sizes.best, remarks, () if np.array_equal(sizes.best, L) else ("SciPy",)
 
 
 class _BudgetEnded(Exception):
     """The time or the evaluations of a search have ended."""
+
+
+@dataclass
+class _GainSizes:
+    """Frobenius norms of the gains of L, and the L of the least one so far.
+
+    gain: L -> gains; left: evaluations before the search ends.
+    """
+
+    gain: Callable[[Matrix], Matrix]
+    best: Matrix
+    left: int
+    budget: TimeBudget
+    least: float = math.inf
+
+    def cost(self, x: Matrix) -> float:
+        """The norm for L = x, flat; 1e300 where there is none. _BudgetEnded at the end."""
+        self.left -= 1
+        if self.left < 0 or self.budget.remaining() < 0:
+            raise _BudgetEnded
+        L = x.reshape(self.best.shape)
+        with np.errstate(all="ignore"):
+            try:
+                size = float(np.linalg.norm(self.gain(L)))
+            except np.linalg.LinAlgError:
+                return 1e300
+        if size < self.least:
+            self.best, self.least = L.copy(), size
+        return size if math.isfinite(size) else 1e300
 
 
 def _exact_gain(A: Matrix, C: Matrix, L: Matrix, period: float, k: int) -> Matrix:

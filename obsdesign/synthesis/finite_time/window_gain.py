@@ -122,7 +122,7 @@ def _stored_gains(
 def _gains_relative_to_start(task: WindowTask) -> _UnbiasedGain:
     """Gains whose bias is bounded relative to x(t_i - T), for all or only the slow modes.
 
-    Modes that decay within a period cannot be told apart by the samples, and need not be.
+    Modes that decay within a period cannot be distinguished by the samples, and need not be.
     """
     if task.method not in FREE:
         return _refined(task)

@@ -48,9 +48,19 @@ def part_candidates(
         decay = _decay_certificate(plant.flow.A, plant.jump.G, ends, goals, budget)
         if "P" not in decay.evidence or not _is_without_quadratic(problem):
             return
-    decays, (core_A, core_G, core_C) = _blocks(
-        matrices, parts, (low, high), (factor, alpha), budget
-    )
+    yield from _windows_on(problem, parts, matrices, (factor, alpha), budget)
+
+
+def _windows_on(
+    problem: Problem,
+    parts: Parts,
+    plant: tuple[Matrix, Matrix, Matrix],
+    goals: tuple[float, float],
+    budget: TimeBudget,
+) -> Iterator[Candidate]:
+    """Yield the windows on the part to correct of a plant (A, G, C); goals: as for `_blocks`."""
+    ends = problem.require_dwell_time()
+    decays, (core_A, core_G, core_C) = _blocks(plant, parts, ends, goals, budget)
     place = np.array([parts.first, parts.size], dtype=np.float64)
     gains = window_gains(
         problem,
@@ -61,7 +71,7 @@ def part_candidates(
         core_G=core_G,
         core_C=core_C,
     )
-    gains = replace(gains, alpha=alpha)
+    gains = replace(gains, alpha=goals[1])
     # other invariant subspaces, and other uncorrected blocks, may do
     candidate = windowed(problem, gains, "subspace", budget, decays.evidence)
     yield replace(candidate, searched=True, solvers=decays.solvers)

@@ -62,7 +62,7 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
     if reason := reason_against_integrals(problem, D, window):
         longest = period_for_integrals(D, window)
         yield from sampled_candidates(problem, low, reason, longest=longest)
-        if float(problem.plant.output.period or 0.0) > longest_period(D, None, window):
+        if problem.plant.output.sample_spacing > longest_period(D, None, window):
             return  # the claim `samples` of operator `integral` fails for the same reason
     elif reason := reason_for_samples(problem, window, weighting):
         count = samples_within(problem, window)
@@ -98,7 +98,7 @@ def _check_plant(problem: Problem) -> None:
 
 def _longest_window(problem: Problem, low: float) -> float:
     """A part of the shortest dwell time, which leaves two periods of the samples."""
-    period = Fraction(float(problem.plant.output.period or 0.0))
+    period = Fraction(problem.plant.output.sample_spacing)
     left = low - 2 * float(period)
     if left <= 0:
         return _WINDOW_SHARE * low or 1.0

@@ -63,7 +63,7 @@ class IntegralWindow:
             K=self.K,
             window=self.window,
             margin=self.margin,
-            period=float(output.period or 0.0) if output.measured == "periodic" else None,
+            period=output.sample_spacing if output.measured == "periodic" else None,
             weighting=self.weighting,
             state_correction=self.weighting == "gls" if corrects is None else corrects,
             nonnegative=options.nonnegative,

@@ -1,7 +1,7 @@
 """Exponents for records with noise: those that leave times and weights least uncertain.
 
 With `gls` every further kernel leaves more of the record in the features, with the plain norm it
-adds noise. So IPOPT is asked with several numbers of exponents (`exponent_program`), from those of
+adds noise. So IPOPT starts with several numbers of exponents (`exponent_program`), from those of
 the rule and from spread ones, with the slowest exponent of the rule as a limit, hence its ratio.
 The smallest number within 2 % of the best is taken, if it is better than the rule by 2 % and worse
 in neither time nor weight; for its claims, as for all others, a proof is due.

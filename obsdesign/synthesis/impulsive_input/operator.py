@@ -35,7 +35,7 @@ def reason_against_integrals(problem: Problem, D: Matrix, window: float) -> str 
     """Return why samples are too few for operator `integral` where it is open, or None."""
     if not operator_is_open(problem):
         return None
-    period = float(problem.plant.output.period or 0.0)
+    period = problem.plant.output.sample_spacing
     longest = longest_period(D, None, window)
     if period > longest:
         fastest = spectral_radius(D) * period

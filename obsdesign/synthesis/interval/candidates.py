@@ -64,7 +64,7 @@ def synthesize_constrained(
         raise DoesNotApply(reason)
     if reason := reason_against(problem):
         raise InputError(reason)
-    problem.require_noise_bound("kind 'interval'")
+    problem.require_noise_bound()
     _refuse_unexecutable(problem)
     refuse_vain_constraints(problem, constraints)
     stated = {name: given_gain(problem, name) for name in ("L", "M")}

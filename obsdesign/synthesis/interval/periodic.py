@@ -67,7 +67,7 @@ class SampledPlant:
         self.inward = np.linalg.inv(self.S)
         self.h = float(problem.require("output.period"))
         self.A, self.C = self.inward @ plant.flow.A @ self.S, plant.output.C @ self.S
-        self.V = problem.require_noise_bound("kind 'interval'")
+        self.V = problem.require_noise_bound()
         self.f = np.abs(self.inward) @ np.subtract(*plant.flow.b_bounds[::-1])
         self.G: Matrix | None = None
         self.j = np.zeros(plant.n)

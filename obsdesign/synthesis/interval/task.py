@@ -23,6 +23,7 @@ from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.problem.options import IntervalOptions
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.convex_gain import ConvexGain, UserConstraints, convex_gains
 
@@ -80,18 +81,12 @@ class Task:
         plant = problem.plant
         n, p = plant.n, plant.p
         basis = np.eye(n) if S is None else S
-        inward = np.linalg.inv(basis)
-        C, V = plant.output.C, problem.require_noise_bound("kind 'interval'")
+        inward: Matrix = np.asarray(np.linalg.inv(basis))
+        C, V = plant.output.C, problem.require_noise_bound()
         idle = idle_gains(plant)
         L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
-        G, low, high = None, math.inf, math.inf
-        C_jump, h0 = C, np.zeros(n)
-        if plant.jump is not None:
-            low, high = problem.require_dwell_time()
-            C_jump = seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
-            G = inward @ (plant.jump.G - M @ C_jump) @ basis
-            h0 = np.abs(inward) @ np.subtract(*plant.jump.c_bounds[::-1])
-            h0 = h0 + 2 * np.abs(inward @ M) @ V
+        low, high = (math.inf, math.inf) if plant.jump is None else problem.require_dwell_time()
+        G, C_jump, h0 = _jump_error(plant, M, basis, inward, V)
         f0 = np.abs(inward) @ np.subtract(*plant.flow.b_bounds[::-1]) + 2 * np.abs(inward @ L) @ V
         limit_L, limit_M = _limits(problem, basis)
         is_open = {name: name not in given and name not in idle for name in ("L", "M")}
@@ -244,6 +239,22 @@ def _size(problem: Problem, basis: Matrix) -> float:
     )
 
 
+def _jump_error(
+    plant: Plant, M: Matrix, basis: Matrix, inward: Matrix, V: Matrix
+) -> tuple[Matrix | None, Matrix, Matrix]:
+    """(S^-1 (G - M C_jump) S, C_jump, width that jumps add); without jumps (None, C, 0).
+
+    basis: S; inward: its inverse; V: radius of the noise.
+    """
+    C = plant.output.C
+    if plant.jump is None:
+        return None, C, np.zeros(plant.n)
+    C_jump = seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
+    added = np.abs(inward) @ np.subtract(*plant.jump.c_bounds[::-1])
+    added = added + 2 * np.abs(inward @ M) @ V
+    return inward @ (plant.jump.G - M @ C_jump) @ basis, C_jump, added
+
+
 def _rate(problem: Problem) -> float:
     """Rate that gains of the flow are large against: of the plant, or of its jumps or samples.
 
@@ -252,7 +263,7 @@ def _rate(problem: Problem) -> float:
     plant = problem.plant
     rate = float(np.abs(plant.flow.A).max())
     times = problem.require_dwell_time()[::-1] if plant.jump is not None else ()
-    spans = (*times, plant.output.period or 0.0)
+    spans = (*times, plant.output.sample_spacing)
     span = next((span for span in spans if 0 < span < math.inf), math.inf)
     return max(rate, 1.0 / span) or 1.0
 

@@ -35,7 +35,7 @@ _NEAR = 1.1
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield the observer of the problem; DoesNotApply where its bounds need what is missing."""
-    problem.require_noise_bound("kind 'set_membership'")
+    problem.require_noise_bound()
     if reason := reason_against(problem):
         raise DoesNotApply(reason)
     options = problem.options_as(SetMembershipOptions)

@@ -72,13 +72,7 @@ def claims(
     stored: gains as a design file states them; certificates: {"strongly_observable": {"asked"} or
     {"witness"}} and those of the strategies.
     """
-    objection, expected = _reason_against_problem(problem), NewEntries()
-    if objection is None:
-        try:
-            expected = _expected(problem, stored, ImpulsiveGains.from_document(stored))
-        except ValueError as error:
-            objection = str(error).removesuffix(".")
-    agreement, gains = consistent_gains(objection, stored, expected, ImpulsiveGains.from_document)
+    agreement, gains = _agreement(problem, stored)
     if gains is None:
         return (agreement,)
     high = problem.require_dwell_time()[1]
@@ -98,6 +92,19 @@ def claims(
     if certificates.get("noise_target"):
         listed.append(noise_target(missed_target(problem, gains)))
     return tuple(listed)
+
+
+def _agreement(problem: Problem, stored: Entries) -> tuple[Claim, ImpulsiveGains | None]:
+    """The claim that stored gains are those of the problem, and the gains where it is proved."""
+    expected = NewEntries()
+    objection = problem.reason_unless_measured("at_jumps")
+    objection = objection or problem.reason_without("jump.dwell_time")
+    if objection is None:
+        try:
+            expected = _expected(problem, stored, ImpulsiveGains.from_document(stored))
+        except ValueError as error:
+            objection = str(error).removesuffix(".")
+    return consistent_gains(objection, stored, expected, ImpulsiveGains.from_document)
 
 
 def _rate_claims(
@@ -243,15 +250,3 @@ def _expected(problem: Problem, stored: Entries, gains: ImpulsiveGains) -> NewEn
         expected |= {"image": (d, r), "coimage": (r, d)}
     own = {"window": options.window, "alpha": options.alpha}
     return expected | {name: stored.get(name) if x is None else x for name, x in own.items()}
-
-
-def _reason_against_problem(problem: Problem) -> str | None:
-    """Return why this observer cannot serve a plant, or None; one sentence."""
-    measured, jump = problem.plant.output.measured, problem.plant.jump
-    if measured != "at_jumps":
-        return f"output.measured must be at_jumps for kind 'impulsive'; got {measured!r}."
-    if jump is None or jump.dwell_time is None:
-        return (
-            "jump.dwell_time = [shortest, longest] is required by kind 'impulsive'; it is missing."
-        )
-    return None

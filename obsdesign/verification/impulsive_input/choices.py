@@ -54,7 +54,7 @@ def _is_inevitable(problem: Problem, claim: Claim) -> bool:
     """Whether counting shows that no choice would do."""
     evidence = claim.evidence
     low, _ = problem.require_dwell_time()
-    period = float(problem.plant.output.period or 0.0)
+    period = problem.plant.output.sample_spacing
     if claim.id == "window":  # no window, or none of one period, is shorter
         return low <= period
     if claim.id == "samples":  # a window below the dwell time holds less than two periods

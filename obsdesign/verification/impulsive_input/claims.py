@@ -146,8 +146,10 @@ def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget)
 def _reason_against(problem: Problem, stored: Entries) -> str | None:
     """Return why the kind cannot serve the problem, or the stored gains are none; or None."""
     plant = problem.plant
-    if plant.jump is None or plant.jump.H is None or plant.jump.dwell_time is None:
-        return "jump.H and jump.dwell_time are required by kind 'impulsive_input'"
+    required = problem.reason_without("jump.H", "jump.dwell_time")
+    if text := required or problem.reason_unless_measured("continuous", "periodic"):
+        return text
+    assert plant.jump is not None
     if text := reason_against_jumps(plant.jump, plant.n) or reason_against_sizes(plant):
         return text
     for name in ("window", "margin"):

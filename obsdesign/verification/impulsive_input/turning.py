@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.balls import Ball, Exact, ball, exact
+from lmi.arithmetic.polynomials import times
 from lmi.prove import exponential_sign as signs
 from obsdesign.verification.impulsive_input.second_solution import FeatureCurve
 
@@ -94,7 +95,7 @@ class PlaneCurve:
 
 def _turn(box: signs.Box) -> signs.Polynomial:
     p, q, dp, dq = box.rows
-    return signs.combined((1, signs.times(p, dq)), (-1, signs.times(q, dp)))
+    return signs.combined((1, times(p, dq)), (-1, times(q, dp)))
 
 
 def _with_derivatives(F: Exact, z: Exact, rows: list[int]) -> tuple[Exact, Exact]:

@@ -8,6 +8,7 @@ to an exact one (`splits.completed_split`), and stability is proved for the comp
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -86,23 +87,28 @@ def claims(
     if agreement.verdict != "proved":
         return (agreement,)
     source = f"{PAPER}, {THEOREMS[gains.form]}"
-    constraints = constraint_claims(problem, gains, {"L": gains.L, "M": gains.M})
-    obstruction = obstruction_claim(problem, gains, source)
-    hypotheses = (agreement, *constraints, *obstruction, *_sign_claims(gains))
+    hypotheses = (agreement, *_hypotheses(problem, gains, source))
     system = WidthSystem.from_gains(gains, exact, inverse)
     if gains.is_periodic:
         proposed = certificates.get("sampled_stability", {})
         sampled = samples_claim(system, gains, proposed, f"{source}; samples as jumps")
         return with_hints(problem, (*hypotheses, sampled))
+    proposed = certificates.get("width", {})
     if system.N is None:
-        decay = _hurwitz_claim(system.W, "there are no jumps")
-        width = limit_claim(system, certificates.get("width", {}), source)
-        spacing = _spacing(problem, system, gains, certificates, width)
-        return (*hypotheses, decay, *width, *spacing)
+        width = limit_claim(system, proposed, source)
+        listed = (*hypotheses, _hurwitz_claim(system.W, "there are no jumps"), *width)
+        return (*listed, *_spacing(problem, system, gains, certificates, width))
     stability = _jump_claims(system, gains, certificates, paranoid)
-    width = width_claim(system, gains.dwell_range, certificates.get("width", {}), source)
+    width = width_claim(system, gains.dwell_range, proposed, source)
     spacing = _spacing(problem, system, gains, certificates, width)
     return with_hints(problem, (*hypotheses, *stability, *width, *spacing))
+
+
+def _hypotheses(problem: Problem, gains: IntervalGains, source: str) -> Iterator[Claim]:
+    """Claims of gains as they are: constraints on them, what no gains can do, and signs."""
+    yield from constraint_claims(problem, gains, {"L": gains.L, "M": gains.M})
+    yield from obstruction_claim(problem, gains, source)
+    yield from _sign_claims(gains)
 
 
 def _jump_claims(
@@ -195,9 +201,7 @@ def _reason_against(problem: Problem) -> str | None:
     reason = reason_against(problem)
     is_periodic = problem.plant.output.measured == "periodic"
     reason = reason or (None if is_periodic else reason_against_problem(problem))
-    if reason is None and problem.plant.output.noise_bound is None:
-        reason = "output.noise_bound is required by kind 'interval', which promises bounds."
-    return reason
+    return reason or problem.reason_without("output.noise_bound")
 
 
 def expected_gains(problem: Problem, stored: Entries) -> NewEntries:

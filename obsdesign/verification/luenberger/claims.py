@@ -68,29 +68,44 @@ def claims(
     if gains is None:
         return (agreement,)
     F, options = error_matrix(gains, "L", gains.L), problem.options_as(LuenbergerOptions)
-    rate = options.decay_rate
-    shifted = F + exact(rate * np.eye(problem.plant.n))
+    shifted = F + exact(options.decay_rate * np.eye(problem.plant.n))
     claims = [
         agreement,
         *_choice_of_L(problem, gains, F),
         *constraint_claims(problem, gains, _stored(gains)),
     ]
     if problem.plant.jump is None:
-        claims.append(_hurwitz(F, "hurwitz", "there are no jumps"))
-        if rate > 0:
-            claims.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
+        claims += _flow_claims(F, shifted, options.decay_rate)
         return _with_marked_witnesses(problem, shifted, claims)
-    dwell = Dwell.from_problem(problem)
-    if math.isinf(dwell.high):
+    if math.isinf(problem.require_dwell_time()[1]):
         claims.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
     if options.schedule is not None:
         return (*claims, *_scheduled(problem, gains, F, certificates, paranoid))
-    H = error_matrix(gains, "M", gains.M)
-    claims.append(_stability(F, H, dwell, certificates, paranoid))
-    claims += rates_claim(F, H, dwell, certificates, PAPER)
-    if rate > 0:
-        claims.append(_decay(shifted, H, dwell, certificates, rate=rate, paranoid=paranoid))
+    claims += _jump_claims(problem, gains, shifted, certificates, paranoid)
     return _with_marked_witnesses(problem, shifted, claims)
+
+
+def _flow_claims(F: Exact, shifted: Exact, rate: float) -> Iterator[Claim]:
+    """Claims of an error without jumps; shifted: F + rate I."""
+    yield _hurwitz(F, "hurwitz", "there are no jumps")
+    if rate > 0:
+        yield _hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate)
+
+
+def _jump_claims(
+    problem: Problem,
+    gains: LuenbergerGains,
+    shifted: Exact,
+    certificates: EntriesByClaim,
+    paranoid: bool,
+) -> Iterator[Claim]:
+    """Claims of an error with jumps, for all dwell times; shifted: A - L C + rate I."""
+    rate, dwell = problem.options_as(LuenbergerOptions).decay_rate, Dwell.from_problem(problem)
+    F, H = error_matrix(gains, "L", gains.L), error_matrix(gains, "M", gains.M)
+    yield _stability(F, H, dwell, certificates, paranoid)
+    yield from rates_claim(F, H, dwell, certificates, PAPER)
+    if rate > 0:
+        yield _decay(shifted, H, dwell, certificates, rate=rate, paranoid=paranoid)
 
 
 def _choice_of_L(problem: Problem, gains: LuenbergerGains, F: Exact) -> Iterator[Claim]:

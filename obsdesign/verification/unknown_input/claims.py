@@ -59,8 +59,8 @@ def claims(
     del certificates, paranoid, budget  # nothing is searched for: every claim is decided exactly
     if problem.plant.jump is not None:
         return (inconsistent(REASON_AGAINST_JUMPS),)
-    if problem.plant.flow.D is None:
-        return (inconsistent("flow.D is required by kind 'unknown_input'; it is missing."),)
+    if reason := problem.reason_without("flow.D"):
+        return (inconsistent(reason),)
     existence = _existence(problem)
     if any(claim.verdict != "proved" for claim in existence):
         return existence  # no gains to speak of

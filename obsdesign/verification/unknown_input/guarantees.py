@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from lmi.arithmetic.arrays import Entries
 from obsdesign.analysis.invariant_zeros import NearZero
@@ -35,18 +35,8 @@ def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Guarantee, 
             needed,
             verdicts,
         ),
+        *_of_poles(claims, verdicts),
     ]
-    if zeros := _evidence(claims, "zeros").get("zeros"):
-        text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
-        sentence = (
-            f"The poles include the invariant zeros {text}, which no gain moves; errors along "
-            "them decay at their own rate."
-        )
-        result.append(Guarantee.from_verdicts(sentence, ["zeros"], verdicts))
-    if stated_poles.ID in claims:
-        text = claims[stated_poles.ID].statement
-        sentence = f"{text[0].upper()}{text[1:]}."
-        result.append(Guarantee.from_verdicts(sentence, [stated_poles.ID], verdicts))
     if problem.options_as(UnknownInputOptions).weights:
         result.append(Guarantee.not_proved("That L and N follow from `weights` is not claimed."))
     product = _step_product(problem, claims)
@@ -56,6 +46,21 @@ def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Guarantee, 
         )
         result.append(Guarantee.from_verdicts(sentence, ["hurwitz"], verdicts))
     return tuple(result)
+
+
+def _of_poles(claims: Mapping[str, Claim], verdicts: Mapping[str, str]) -> Iterator[Guarantee]:
+    """Sentences on invariant zeros, which are poles, and on poles that the problem states."""
+    if zeros := _evidence(claims, "zeros").get("zeros"):
+        text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
+        sentence = (
+            f"The poles include the invariant zeros {text}, which no gain moves; errors along "
+            "them decay at their own rate."
+        )
+        yield Guarantee.from_verdicts(sentence, ["zeros"], verdicts)
+    if stated_poles.ID in claims:
+        text = claims[stated_poles.ID].statement
+        sentence = f"{text[0].upper()}{text[1:]}."
+        yield Guarantee.from_verdicts(sentence, [stated_poles.ID], verdicts)
 
 
 def warnings(problem: Problem, listed: tuple[Claim, ...]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from lmi.arithmetic.balls import ball, exact, precision, scalar
+from lmi.arithmetic.polynomials import times
 from lmi.prove import exponential_sign as signs
 
 TURN = np.array([[0.0, 1.0], [-4.0, 0.0]])  # from (1, 0): cos 2s, -2 sin 2s
@@ -89,7 +90,7 @@ def test_positive_on_the_unit_interval(p: tuple[float, ...], sign: bool | None) 
 def test_products_and_sums() -> None:
     p, q = (1.0, -2.0, 0.5), (3.0, 4.0)
     with precision(128):
-        product = [float(x) for x in signs.times(polynomial(*p), polynomial(*q))]
+        product = [float(x) for x in times(polynomial(*p), polynomial(*q))]
         total = signs.combined((2, polynomial(*p)), (scalar(-1), polynomial(*q)))
         assert [float(x) for x in total] == [-1.0, -8.0, 1.0]
     assert product == np.convolve(p, q).tolist()

@@ -14,6 +14,7 @@ from obsdesign.errors import DoesNotApply
 from obsdesign.kinds import KINDS
 from obsdesign.studies.check import advice
 from obsdesign.studies.check.which_kinds import check_all
+from obsdesign.verification.kind import verification_of
 from tests.long.check_agrees import designed, disagreements
 from tests.systems.checks import check_kind
 
@@ -99,6 +100,9 @@ def test_a_kind_that_does_not_apply_names_what_it_needs(
     with pytest.raises(DoesNotApply) as refused:  # bad input for `design`: exit code 2
         obsdesign.investigate(problem.for_kind(kind)[0])
     assert str(refused.value) == entry.reasons[0]
+    agreement, *_ = verification_of(kind).claims(problem.for_kind(kind)[0], {}, {})
+    assert agreement.verdict == "refuted"
+    assert agreement.evidence["witness"] == {"entry": "problem", "reason": entry.reasons[0]}
 
 
 def test_impossible_has_a_witness() -> None:

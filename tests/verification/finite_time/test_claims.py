@@ -55,7 +55,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"half_sample_correction": True, "window": 6}, "observer.half_sample_correction belongs to method = 'approximate'; the method is 'least_squares', which has no bias to correct."),
     ({"objective": "least_noise", "window": 6}, "observer.objective = 'least_noise' chooses the window of method 'least_squares', and nothing else; observer.window = 6.0 is given. Leave one out."),
     ({"objective": "longest_period"}, "observer.objective = 'longest_period' chooses L and the window of methods 'exact' and 'approximate' by condition (13); the method is 'least_squares', which has none."),
-    ({"method": "minimax", "window": 6}, "output.noise_bound is required by observer.method = 'minimax', which promises bounds; it is missing. If y is free of noise, write noise_bound = [0.0]."),
+    ({"method": "minimax", "window": 6}, "output.noise_bound is required by observer.method = 'minimax', which guarantees bounds; it is missing. If y is free of noise, write noise_bound = [0.0]."),
     ({"objective": "shortest_window", "method": "minimax", "window": 6, "output": {"noise_bound": [1]}}, "observer.objective = 'shortest_window' chooses the window of method 'minimax', and nothing else; observer.window = 6.0 is given. Leave one out."),
     ({"objective": "shortest_window", "method": "exact", "window": 6}, "observer.objective = 'shortest_window' chooses the window; observer.window = 6.0 is given. Leave one out."),
     ({"objective": "least_noise", "method": "exact", "window": 6, "gains": {"L": L}}, "observer.objective = 'least_noise' chooses L and the window of method 'exact'; observer.gains.L and observer.window are given. Leave one of them out."),

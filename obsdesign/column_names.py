@@ -1,0 +1,34 @@
+"""Names of the columns of data and estimates; docs/problem_file.md says what they hold.
+
+A signal of several entries has a column for each, numbered from 1: y1, y2. A pair of bounds has
+two: x1_lo, x1_hi.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+TIME, JUMP, STATUS = "t", "jump", "status"
+# measurements, known inputs of the flow, known inputs of jumps; empty where there is none
+SIGNALS = ("y", "u", "w")
+# bounds of a row: of the flow's disturbance, of the jump's, of the noise; empty: as declared
+BOUNDED = ("b", "c", "v")
+# of simulations: states and unknown inputs, which observers do not read
+TRUTH = ("x", "d")
+ENDS = ("lo", "hi")
+
+
+def numbered(letter: str, count: int) -> tuple[str, ...]:
+    """x1, x2, ..., as many as there are entries."""
+    return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
+def pairs(names: Iterable[str]) -> tuple[str, ...]:
+    """x1_lo, x1_hi, x2_lo, ...: the columns of the bounds of what has these names."""
+    return tuple(f"{name}_{end}" for name in names for end in ENDS)
+
+
+def data_columns(counts: Mapping[str, int], has_jump: bool) -> tuple[str, ...]:
+    """Columns that the data of a plant have, in their usual order; counts: entries by signal."""
+    signals = [name for letter in SIGNALS for name in numbered(letter, counts[letter])]
+    return (TIME, *signals, *([JUMP] if has_jump else []))
