@@ -1,4 +1,7 @@
-"""Claims about speed and memory, one script each. One thread, before numpy starts more."""
+"""Claims about speed and memory, one script each.
+
+Times are processor times of one thread, which is set here, before numpy starts more.
+"""
 
 import os
 

@@ -22,7 +22,10 @@ def main(names: list[str]) -> int:
     if unknown := [name for name in names if name not in CLAIMS]:
         print(f"no claim {unknown[0]!r}; it must be one of {', '.join(CLAIMS)}", file=sys.stderr)
         return 2
-    kept = [importlib.import_module(f"benchmarks.{name}").main() for name in names or CLAIMS]
+    kept = []
+    for name in names or CLAIMS:
+        kept.append(bool(importlib.import_module(f"benchmarks.{name}").main()))
+        print(f"{name}: {'holds' if kept[-1] else 'DOES NOT HOLD'}", flush=True)
     print(f"{sum(kept)} of {len(kept)} claims hold")
     return 0 if all(kept) else 1
 

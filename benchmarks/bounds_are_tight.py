@@ -151,7 +151,7 @@ def interval(case: Case) -> Callable[[], Matrix] | None:
     if any(claim.verdict == "refuted" for claim in design.claims):
         return None
     observer = from_design(design)
-    start = np.column_stack(case.x0).reshape(-1).tolist()
+    start = case.x0.T.reshape(-1).tolist()
 
     def run() -> Matrix:
         rows = observer.run(observer.start(0.0, start), case.record().samples)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import resource
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal, TypeVar
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.find.cutting_plane import propose
+
+Result = TypeVar("Result")
 
 LOW, HIGH = 0.1, 2.1
 SHARE = 0.97
@@ -35,8 +39,8 @@ MIXED = (
 class Family:
     """x -> e^{F theta} H x, theta in [LOW, HIGH]; P exists up to 1 / SHARE of this gain."""
 
-    F: np.ndarray
-    H: np.ndarray
+    F: Matrix
+    H: Matrix
 
 
 def families(n: int) -> Iterator[Family]:
@@ -45,7 +49,7 @@ def families(n: int) -> Iterator[Family]:
         F = rng.standard_normal((n, n))
         F -= (np.linalg.eigvals(F).real.max() + 0.5) * np.eye(n)
         H = rng.standard_normal((n, n))
-        low, high = 0.0, 10.0 / np.linalg.norm(H, 2)
+        low, high = 0.0, 10.0 / float(np.linalg.norm(H, 2))
         for _ in range(10):
             gain = (low + high) / 2
             if propose(F, gain * H, LOW, HIGH).P is not None:
@@ -55,8 +59,8 @@ def families(n: int) -> Iterator[Family]:
         yield Family(F, SHARE * low * H)
 
 
-def cvxpy_script(F: np.ndarray, H: np.ndarray, low: float, high: float, points: int) -> Any:
-    """What people write: one constraint per grid point."""
+def cvxpy_script(F: Matrix, H: Matrix, low: float, high: float, points: int) -> Matrix | None:
+    """P of the obvious script, one constraint per grid point; None without any."""
     import cvxpy as cp
     from scipy.linalg import expm
 
@@ -71,30 +75,50 @@ def cvxpy_script(F: np.ndarray, H: np.ndarray, low: float, high: float, points: 
         problem.solve(solver=cp.CLARABEL)
     except cp.error.SolverError:  # at its limit the solver gives up; a bisection reads it as "no"
         return None
-    return P.value
+    return None if P.value is None else np.asarray(P.value)
 
 
-def seconds(call: Callable[[], Any], repeats: int = 1) -> tuple[float, Any]:
-    """Shortest of a few runs, and the last result."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
+def processor_time() -> float:
+    """Seconds of this process and of children that ended: other programs do not count."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def seconds(call: Callable[[], Result], repeats: int = 1) -> tuple[float, Result]:
+    """Processor time of the shortest of `repeats` >= 1 runs, and the last result."""
+    start = processor_time()
+    result = call()
+    times = [processor_time() - start]
+    for _ in range(repeats - 1):
+        start = processor_time()
         result = call()
-        times.append(time.perf_counter() - start)
+        times.append(processor_time() - start)
     return min(times), result
 
 
-def report(
-    what: str, ours: list[float], theirs: list[float], floor: float, unit: str = "ms"
-) -> bool:
-    """One line: medians, the median of the ratios, and whether it is above the floor.
+def duration(value: float) -> str:
+    """Seconds in the unit in which they are 1 or more: s, ms or us."""
+    for factor, unit in ((1.0, "s"), (1e3, "ms")):
+        if value * factor >= 1.0:
+            return f"{value * factor:.2f} {unit}"
+    return f"{value * 1e6:.2f} us"
 
-    ours, theirs: in seconds (unit "ms") or in megabytes (unit "MB").
-    """
+
+def report(
+    what: str,
+    ours: Sequence[float],
+    theirs: Sequence[float],
+    floor: float,
+    *,
+    unit: Literal["s", "MB"] = "s",
+) -> bool:
+    """One line: medians, the median of the ratios, and whether it is above the floor."""
     ratio = statistics.median(b / a for a, b in zip(ours, theirs, strict=True))
     verdict = "ok" if ratio >= floor else "BELOW THE FLOOR"
-    factor = 1e3 if unit == "ms" else 1.0
-    mine, other = statistics.median(ours) * factor, statistics.median(theirs) * factor
-    print(f"{what:42s} ours {mine:9.2f} {unit}   theirs {other:10.1f} {unit}   "
-          f"ratio {ratio:8.1f}   floor {floor:g}  {verdict}", flush=True)  # fmt: skip
+    mine, other = (
+        duration(median) if unit == "s" else f"{median:.2f} {unit}"
+        for median in (statistics.median(ours), statistics.median(theirs))
+    )
+    print(f"{what:42s} ours {mine:>10s}   theirs {other:>10s}   "
+          f"ratio {ratio:8.2f}   floor {floor:.3g}  {verdict}", flush=True)  # fmt: skip
     return ratio >= floor

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 import numpy as np
 from scipy.linalg import expm
 
 from benchmarks.cases import HIGH, LOW, families, report, seconds
+from lmi.arithmetic.arrays import Matrix
 from lmi.families import Edge
 from lmi.find.cutting_plane import propose
 
@@ -15,7 +17,7 @@ POINTS = 1000
 FLOOR = 15.0
 
 
-def loop(F: np.ndarray, H: np.ndarray, P: np.ndarray) -> bool:
+def loop(F: Matrix, H: Matrix, P: Matrix) -> bool:
     holds = True
     for theta in np.linspace(LOW, HIGH, POINTS):
         M = expm(F * theta) @ H
@@ -26,7 +28,7 @@ def loop(F: np.ndarray, H: np.ndarray, P: np.ndarray) -> bool:
     return holds
 
 
-def check(F: np.ndarray, H: np.ndarray, P: np.ndarray) -> bool:
+def check(F: Matrix, H: Matrix, P: Matrix) -> bool:
     M = Edge(F, H, LOW, HIGH).grid(POINTS)[1]
     try:
         np.linalg.cholesky(P - np.swapaxes(M, 1, 2) @ P @ M)
@@ -41,9 +43,10 @@ def main() -> bool:
         ours, theirs = [], []
         for family in families(n):
             P = propose(family.F, family.H, LOW, HIGH).P
-            time, ours_holds = seconds(lambda f=family, P=P: check(f.F, f.H, P), 3)
+            assert P is not None
+            time, ours_holds = seconds(partial(check, family.F, family.H, P), 3)
             ours.append(time)
-            time, theirs_holds = seconds(lambda f=family, P=P: loop(f.F, f.H, P))
+            time, theirs_holds = seconds(partial(loop, family.F, family.H, P))
             theirs.append(time)
             assert ours_holds
             assert theirs_holds

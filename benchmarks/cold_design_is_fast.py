@@ -21,14 +21,13 @@ FLOOR = 2.5
 THEIRS = """
 import json, sys
 import numpy as np
-from benchmarks.cases import HIGH, LOW
 import cvxpy as cp
 from scipy.linalg import expm
 body = json.load(open(sys.argv[1]))
 F, H = np.array(body["flow"]["A"]), np.array(body["jump"]["G"])
 P = cp.Variable((4, 4), symmetric=True)
 constraints = [P >> np.eye(4)]
-for theta in np.linspace(LOW, HIGH, 200):
+for theta in np.linspace(*body["jump"]["dwell_time"], 200):
     M = expm(F * theta) @ H
     constraints.append(P - M.T @ P @ M >> 1e-6 * np.eye(4))
 cp.Problem(cp.Minimize(0), constraints).solve(solver=cp.CLARABEL)
@@ -38,7 +37,8 @@ OURS = "from obsdesign.cli.main import main; main()"
 
 
 def main() -> bool:
-    ours, theirs = [], []
+    ours: list[float] = []
+    theirs: list[float] = []
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     run = partial(subprocess.run, capture_output=True, env=environment)
     with tempfile.TemporaryDirectory() as folder:

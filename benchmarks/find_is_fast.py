@@ -6,6 +6,7 @@ Also against Clarabel with the cones of all 200 points assembled by hand.
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 from benchmarks.cases import HIGH, LOW, cvxpy_script, families, report, seconds
 from lmi.families import Edge, slack
@@ -18,23 +19,23 @@ POINTS = 200
 
 def main() -> bool:
     good = True
-    cvxpy_script(*vars(next(families(2))).values(), LOW, HIGH, 5)  # imports and warms up
+    small = next(families(2))
+    cvxpy_script(small.F, small.H, LOW, HIGH, 5)  # imports and warms up
     for n, floor in FLOORS.items():
         ours, theirs, by_hand = [], [], []
         for family in families(n):
-            edge = Edge(family.F, family.H, LOW, HIGH)
-            _, maps = edge.grid(POINTS)
-            time, proposal = seconds(
-                lambda f=family: propose(f.F, f.H, LOW, HIGH, points=POINTS), 3
-            )
+            F, H = family.F, family.H
+            _, maps = Edge(F, H, LOW, HIGH).grid(POINTS)
+            time, proposal = seconds(partial(propose, F, H, LOW, HIGH, points=POINTS), 3)
             assert proposal.P is not None
             assert slack(proposal.P, maps).min() > 0
             ours.append(time)
-            time, P = seconds(lambda f=family: cvxpy_script(f.F, f.H, LOW, HIGH, POINTS))
+            time, P = seconds(partial(cvxpy_script, F, H, LOW, HIGH, POINTS))
+            assert P is not None
             assert slack(P, maps).min() > -1e-3
             theirs.append(time)
             some = maps[:: max(len(maps) // POINTS, 1)]
-            by_hand.append(seconds(lambda m=some: common_matrices(m))[0])
+            by_hand.append(seconds(partial(common_matrices, some))[0])
         good &= report(f"find P, n = {n}, {POINTS} points, CVXPY", ours, theirs, floor)
         report(f"find P, n = {n}, full grid by hand", ours, by_hand, 1.0)
     return good

@@ -9,11 +9,11 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
 from benchmarks.cases import report
+from lmi.arithmetic.arrays import NewEntries
 from obsdesign import workflow
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
@@ -28,7 +28,7 @@ def plants() -> Iterator[Problem]:
     for seed in range(PLANTS):
         rng = np.random.default_rng(seed)
         n, p, measured = 2 + seed % 5, 1 + seed % 2, MEASURED[seed % 3]
-        body: dict[str, Any] = {
+        body: NewEntries = {
             "flow": {"A": (rng.normal(size=(n, n)) - np.eye(n)).tolist()},
             "output": {"C": rng.normal(size=(p, n)).tolist(), "measured": measured},
             "observer": {"kind": "luenberger"},
@@ -41,7 +41,7 @@ def plants() -> Iterator[Problem]:
         yield Problem.from_dict(body)
 
 
-def timed(call: Callable[[Problem], Any], problem: Problem) -> float:
+def timed(call: Callable[[Problem], object], problem: Problem) -> float:
     began = time.process_time()
     call(problem)
     return time.process_time() - began

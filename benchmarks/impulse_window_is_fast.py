@@ -7,20 +7,22 @@ covariance of the window, factors it, and solves for the responses of all onsets
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 import obsdesign
 from benchmarks.cases import report, seconds
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.runtime import from_design
+from obsdesign.runtime.impulsive_input.observer import ImpulsiveInputObserver
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "luteinizing_hormone.toml"
 STEP, ROWS, ONSETS, FLOOR = 0.04, 1500, 1000, 20.0
 
 
-def alternative(e: np.ndarray, response: np.ndarray, noise: np.ndarray, h: np.ndarray) -> float:
+def alternative(e: Matrix, response: Matrix, noise: Matrix, h: Matrix) -> float:
     """The largest likelihood ratio of an onset: e residuals, h (rows, onsets) responses."""
     half = np.linalg.cholesky(np.diag(noise**2) + response @ response.T)
     b, r = np.linalg.solve(half, h), np.linalg.solve(half, e)
@@ -29,22 +31,24 @@ def alternative(e: np.ndarray, response: np.ndarray, noise: np.ndarray, h: np.nd
 
 
 def main() -> bool:
-    observer = from_design(obsdesign.design(obsdesign.load_problem(EXAMPLE)))
-    plant, window = observer.engine.model.plant, observer.engine.window
+    design = obsdesign.design(obsdesign.load_problem(EXAMPLE))
+    observer = ImpulsiveInputObserver.from_gains(design.gains)
+    A, H, C = observer.gains.A, observer.gains.H, observer.gains.C
+    window = observer.gains.window
     rows = round(window / STEP)
     t, ages = STEP * np.arange(ROWS), STEP * np.arange(1, rows + 1)
     onsets = np.linspace(0, window, ONSETS, endpoint=False)
     late = ages[:, None] - onsets
-    flows = expm(plant.A * np.maximum(late, 0)[:, :, None, None])
-    h = (plant.C @ flows @ plant.H)[..., 0, 0] * (late >= 0)
-    response = (plant.C @ expm(plant.A * ages[:, None, None]))[:, 0]
+    flows = expm(A * np.maximum(late, 0)[:, :, None, None])
+    h = (C @ flows @ H)[..., 0, 0] * (late >= 0)
+    response = (C @ expm(A * ages[:, None, None]))[:, 0]
     ours, theirs = [], []
     for seed in range(3):
         y = 1.0 + 0.1 * np.random.default_rng(seed).standard_normal((ROWS, 1))
-        time, _ = seconds(lambda y=y: observer.run_batch(t, y))
+        time, _ = seconds(partial(observer.run_batch, t, y))
         ours.append(time / ROWS)
         noise = np.full(rows, 0.1)
-        theirs.append(seconds(lambda y=y, n=noise: alternative(y[:rows, 0], response, n, h))[0])
+        theirs.append(seconds(partial(alternative, y[:rows, 0], response, noise, h))[0])
     return report(f"a row of few samples, {rows} in a window", ours, theirs, FLOOR)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from benchmarks.cases import report
 from benchmarks.filters import ROWS, N, kalman_filter, observer, record, side_by_side
 from obsdesign.runtime import Sample
+from obsdesign.runtime.interval.observer import IntervalObserver
 
 FLOORS = {"periodic": 4.0, "continuous": 1.0}
 
@@ -24,7 +25,7 @@ def main() -> bool:
     for measured, floor in FLOORS.items():
         ours = observer(measured)
 
-        def steps(ours=ours) -> None:
+        def steps(ours: IntervalObserver = ours) -> None:
             state = ours.init(0.0, lower=-np.ones(N), upper=np.ones(N))
             for sample in samples:
                 state, estimate = ours.step(state, sample)
@@ -41,8 +42,10 @@ def main() -> bool:
                 kalman.update_steadystate(z)
 
         what, per = f"step, {measured} y, filterpy", (ROWS, ROWS)
-        good &= report(what, *side_by_side(steps, filtering, per), floor, "µs")
-        report(f"{what} steady state", *side_by_side(steps, steady, per), 0.0, "µs")
+        mine, other = side_by_side(steps, filtering, per)
+        good &= report(what, mine, other, floor)
+        mine, other = side_by_side(steps, steady, per)
+        report(f"{what} steady state", mine, other, 0.0)
     return good
 
 

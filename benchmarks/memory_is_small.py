@@ -47,7 +47,7 @@ def main() -> bool:
         F, H = family.F.tolist(), family.H.tolist()
         ours.append(growth("ours", F, H) / 1e3)
         theirs.append(growth("theirs", F, H) / 1e3)
-    return report(f"peak memory, n = 8, {POINTS} points, CVXPY", ours, theirs, FLOOR, "MB")
+    return report(f"peak memory, n = 8, {POINTS} points, CVXPY", ours, theirs, FLOOR, unit="MB")
 
 
 if __name__ == "__main__":

@@ -11,19 +11,39 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
 
-from benchmarks.cases import np, seconds
+import numpy as np
+
+from benchmarks.cases import seconds
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
-from obsdesign.synthesis.finite_time import period_program as period_nlp
 from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
-from obsdesign.synthesis.finite_time.period_program import exponential_of, log_norm
+from obsdesign.synthesis.finite_time.period_program import (
+    Expression,
+    PeriodProgram,
+    Start,
+    casadi_package,
+    exponential_of,
+    log_norm,
+)
 
 STARTS, NEAR, FLOOR, TIME_FLOOR = 20, 0.98, 1.5, 2.0
 _SLACK = 0.999
 
 
-def plants() -> list[tuple[str, Any, Any]]:
+class Trial(NamedTuple):
+    """Where a start led: L (n, p), window T, the period it names, what IPOPT said."""
+
+    L: Matrix
+    window: float
+    period: float
+    status: str
+
+
+def plants() -> list[tuple[str, Matrix, Matrix]]:
     plants = [
         ("the paper's example", np.array([[0, 0.15], [-0.15, 0]]), np.array([[0.3, 0]])),
         ("double integrator", np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])),
@@ -37,17 +57,16 @@ def plants() -> list[tuple[str, Any, Any]]:
     return plants
 
 
-def obvious(A: Any, C: Any) -> Any:
+def obvious(A: Matrix, C: Matrix) -> Callable[[Start], Trial]:
     """IPOPT on (nu, T, L); returns a function of a start."""
-    import casadi as ca
-
+    ca = casadi_package()
     n = len(A)
     L, T, nu = ca.SX.sym("L", n), ca.SX.sym("T"), ca.SX.sym("nu")
     LC = ca.mtimes(L, ca.DM(C))
     F = ca.DM(A) + LC
     back_F, back_A = exponential_of(-F * T), exponential_of(-ca.DM(A) * T)
 
-    def norm(X: Any) -> Any:
+    def norm(X: Expression) -> Expression:
         return ca.exp(log_norm(X))
 
     a, f = norm(back_F), norm(F)
@@ -62,29 +81,34 @@ def obvious(A: Any, C: Any) -> Any:
         "print_time": False, "show_eval_warnings": False, "ipopt": options,
     })  # fmt: skip
 
-    def solve(start: period_nlp.Start) -> tuple[Any, float, float, str]:
+    def solve(start: Start) -> Trial:
         x0 = np.concatenate([start.size * start.direction, [start.window, 1e-3 * start.window]])
         low = [-math.inf] * n + [1e-6, 1e-12]
         x = solver(x0=x0, lbx=low, ubx=math.inf, lbg=-math.inf, ubg=0.999999)["x"]
         x = np.asarray(x).reshape(-1)
-        return x[:n, None], float(x[n]), float(x[n + 1]), str(solver.stats()["return_status"])
+        status = str(solver.stats()["return_status"])
+        return Trial(x[:n, None], float(x[n]), float(x[n + 1]), status)
 
     return solve
+
+
+def ours(program: PeriodProgram, start: Start) -> Trial:
+    point = program.solve(start)
+    return Trial(point.L, point.window, point.period, point.status)
+
+
+def trials(solve: Callable[[Start], Trial], starts: Sequence[Start]) -> list[Trial]:
+    return [solve(start) for start in starts]
 
 
 def main() -> bool:
     totals, clock = {"ours": 0, "theirs": 0}, {"ours": 0.0, "theirs": 0.0}
     for name, A, C in plants():
-        program, naive = period_nlp.PeriodProgram(PeriodProblem(A, C)), obvious(A, C)
+        program, naive = PeriodProgram(PeriodProblem(A, C)), obvious(A, C)
         starts = program.starts(STARTS)
-
-        def ours(start: Any, program: Any = program) -> tuple[Any, float, float, str]:
-            point = program.solve(start)
-            return point.L, point.window, point.period, point.status
-
         kept, reached = {}, {}
-        for who, solve in (("ours", ours), ("theirs", naive)):
-            time, points = seconds(lambda s=solve, v=starts: [s(start) for start in v])
+        for who, solve in (("ours", partial(ours, program)), ("theirs", naive)):
+            time, points = seconds(partial(trials, solve, starts))
             true = [longest(A, C, L, T) for L, T, _, _ in points]
             kept[who] = sum(
                 "olve" in status and _SLACK * period <= value and period > 0
@@ -106,7 +130,7 @@ def main() -> bool:
     return good
 
 
-def longest(A: Any, C: Any, L: Any, T: float) -> float:
+def longest(A: Matrix, C: Matrix, L: Matrix, T: float) -> float:
     """True longest period for L and T, 0 where there is none."""
     value = approx_log_longest_period(A, C, L, T) if np.isfinite(L).all() else -math.inf
     return math.exp(value) if math.isfinite(value) else 0.0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import statistics
 import sys
+from functools import partial
 
-from benchmarks.cases import HIGH, LOW, families, seconds
+from benchmarks.cases import HIGH, LOW, duration, families, seconds
 from lmi.find.cutting_plane import propose
 from lmi.prove.common_matrix import prove_common
 
@@ -18,18 +19,18 @@ def main() -> bool:
     for n in SIZES:
         finds, proofs, boxes, open_boxes = [], [], [], 0
         for family in families(n):
-            find, proposal = seconds(lambda f=family: propose(f.F, f.H, LOW, HIGH), 3)
-            prove, verdict = seconds(
-                lambda f=family, P=proposal.P: prove_common(f.F, f.H, P, LOW, HIGH), 3
-            )
+            F, H = family.F, family.H
+            find, proposal = seconds(partial(propose, F, H, LOW, HIGH), 3)
+            assert proposal.P is not None
+            prove, verdict = seconds(partial(prove_common, F, H, proposal.P, LOW, HIGH), 3)
             finds.append(find)
             proofs.append(prove)
             open_boxes += verdict.outcome != "proved"
             boxes.append(verdict.evidence.get("boxes", 0))
         ratio = statistics.median(p / f for p, f in zip(proofs, finds, strict=True))
         passed = ratio <= MOST and not open_boxes
-        print(f"proof, n = {n:2d}: find {statistics.median(finds) * 1e3:8.2f} ms, proof "
-              f"{statistics.median(proofs) * 1e3:8.2f} ms, ratio {ratio:5.2f} (at most {MOST:g}), "
+        print(f"proof, n = {n:2d}: find {duration(statistics.median(finds)):>10s}, proof "
+              f"{duration(statistics.median(proofs)):>10s}, ratio {ratio:5.2f} (at most {MOST:g}), "
               f"boxes {min(boxes)}-{max(boxes)}, families not proved {open_boxes}   "
               f"{'ok' if passed else 'ABOVE THE CEILING'}", flush=True)  # fmt: skip
         good &= passed

@@ -8,19 +8,21 @@ and counted ten times; --full runs all of them.
 from __future__ import annotations
 
 import sys
+from functools import partial
 
-from benchmarks.cases import HIGH, LOW, cvxpy_script, families, report, seconds
+from benchmarks.cases import HIGH, LOW, cvxpy_script, duration, families, report, seconds
+from lmi.arithmetic.arrays import Matrix
 from lmi.decide.dwell_search import dwell_bracket
 
 FLOORS = {2: 100.0, 4: 40.0, 8: 15.0}
 STEPS, POINTS = 20, 200
 
 
-def bisection(F: object, H: object, limit: float, full: bool) -> float:
+def bisection(F: Matrix, H: Matrix, limit: float, full: bool) -> float:
     """Seconds of the bisection for the shortest dwell time, which is near `limit`."""
     if not full:
         ends = (limit * 1.02, max(limit * 0.98, 1e-3))
-        timed = [seconds(lambda e=e: cvxpy_script(F, H, e, HIGH, POINTS))[0] for e in ends]
+        timed = [seconds(partial(cvxpy_script, F, H, e, HIGH, POINTS))[0] for e in ends]
         return STEPS * sum(timed) / len(timed)
 
     def run() -> None:
@@ -35,21 +37,22 @@ def bisection(F: object, H: object, limit: float, full: bool) -> float:
 
 def main(full: bool = False) -> bool:
     good = True
-    cvxpy_script(*vars(next(families(2))).values(), LOW, HIGH, 5)
+    small = next(families(2))
+    cvxpy_script(small.F, small.H, LOW, HIGH, 5)  # imports and warms up
     for n, floor in FLOORS.items():
         ours, theirs = [], []
         for family in families(n):
             F, H = family.F, 1.2 * family.H  # LOW is too short at this gain
-            time, bracket = seconds(lambda F=F, H=H: dwell_bracket(F, H, "shortest", HIGH), 2)
+            time, bracket = seconds(partial(dwell_bracket, F, H, "shortest", HIGH), 2)
             if bracket.proved is None or bracket.not_proved is None:
                 F, H = family.F, family.H
-                time, bracket = seconds(lambda F=F, H=H: dwell_bracket(F, H, "longest", LOW), 2)
+                time, bracket = seconds(partial(dwell_bracket, F, H, "longest", LOW), 2)
             ours.append(time)
             width = 0.0
             if bracket.proved and bracket.not_proved:
                 width = abs(bracket.proved / bracket.not_proved - 1)
             ends = f"{bracket.proved} | {bracket.not_proved} {bracket.verdict}"
-            print(f"   n = {n}: {ends}, relative width {width:.1e}, {time * 1e3:.1f} ms")
+            print(f"   n = {n}: {ends}, relative width {width:.1e}, {duration(time)}")
             # the script looks for a common P, which may end before windows do
             limit = bracket.proved if bracket.common is None else bracket.common
             theirs.append(bisection(F, H, limit or LOW, full))

@@ -8,29 +8,34 @@ from __future__ import annotations
 
 import resource
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import obsdesign
-from benchmarks.cases import report, seconds  # sets the number of threads before numpy loads
+from benchmarks.cases import duration, report, seconds
+from benchmarks.filters import Filter
 from lmi.arithmetic.exponential import expm
-from obsdesign.runtime import Sample, from_design
+from obsdesign.problem.plant import Plant
+from obsdesign.runtime import Sample
+from obsdesign.runtime.unknown_input.observer import UnknownInputObserver
 
 FLOOR = 4.0
 ROWS, ROUNDS, LONG = 2000, 15, 1_000_000
 EXAMPLE = Path(__file__).parent.parent / "examples" / "ahn_1.toml"
 
 
-def filterpy_filter(plant: Any, h: float) -> Any:
+def filterpy_filter(plant: Plant, h: float) -> Filter:
     """The textbook filter on [x; d], d a random walk."""
     from filterpy.kalman import KalmanFilter
 
-    (n, q), p = plant.flow.D.shape, plant.p
+    D = plant.flow.D
+    assert D is not None
+    (n, q), p = D.shape, plant.p
     block = np.zeros((n + q, n + q))
-    block[:n] = np.hstack([plant.flow.A, plant.flow.D]) * h
-    kalman = KalmanFilter(dim_x=n + q, dim_z=p)
+    block[:n] = np.hstack([plant.flow.A, D]) * h
+    kalman: Filter = KalmanFilter(dim_x=n + q, dim_z=p)
     kalman.F, kalman.H = expm(block), np.hstack([plant.output.C, np.zeros((p, q))])
     kalman.Q, kalman.R = np.diag([0.0] * n + [0.1] * q), 1e-4 * np.eye(p)
     kalman.P = 25.0 * np.eye(n + q)
@@ -39,7 +44,7 @@ def filterpy_filter(plant: Any, h: float) -> Any:
 
 def main() -> bool:
     problem = obsdesign.load_problem(EXAMPLE)
-    observer = from_design(obsdesign.design(problem))
+    observer = UnknownInputObserver.from_gains(obsdesign.design(problem).gains)
     rng = np.random.default_rng(0)
     y = rng.standard_normal((ROWS, 2))
     samples = [Sample(0.1 * k, row) for k, row in enumerate(y)]
@@ -56,18 +61,16 @@ def main() -> bool:
             filter_.update(row)
 
     pairs = [(seconds(ours)[0] / ROWS, seconds(theirs)[0] / ROWS) for _ in range(ROUNDS)]
-    print(f"   per step: ours {1e6 * min(a for a, _ in pairs):.1f} us, "
-          f"filterpy {1e6 * min(b for _, b in pairs):.1f} us")  # fmt: skip
-    good = report(
-        "step of an unknown-input observer, filterpy", *map(list, zip(*pairs, strict=True)), FLOOR
-    )
+    mine, other = [a for a, _ in pairs], [b for _, b in pairs]
+    print(f"   shortest: ours {duration(min(mine))}, filterpy {duration(min(other))}")
+    good = report("step of an unknown-input observer, filterpy", mine, other, FLOOR)
     return good & flat_memory(observer)
 
 
-def flat_memory(observer: Any) -> bool:
+def flat_memory(observer: UnknownInputObserver) -> bool:
     """Kilobytes that a million samples add after the first ten thousand."""
 
-    def stream(rows: int) -> Any:
+    def stream(rows: int) -> Iterator[Sample]:
         y = np.zeros(2)
         for k in range(rows):
             y[0] = (k % 100) / 100

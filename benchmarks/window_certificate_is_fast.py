@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import statistics
 import sys
-
-from benchmarks.cases import seconds  # isort: skip - it sets the number of threads for numpy
+from functools import partial
 
 import numpy as np
 
+from benchmarks.cases import duration, seconds
 from lmi.arithmetic.balls import exact
 from lmi.rank.decide import decide_full_rank
 from lmi.rank.stack import Stack
@@ -29,15 +29,15 @@ def main() -> bool:
         back = np.linalg.inv(T)
         A = T @ np.diag(np.ones(2), 1) @ back
         stack = Stack(exact(A), exact(np.eye(3)), exact(np.eye(3)[:1] @ back), exact(np.eye(3)), 3)
-        took, verdict = seconds(lambda s=stack: decide_full_rank(s, LOW, HIGH), 3)
+        took, verdict = seconds(partial(decide_full_rank, stack, LOW, HIGH), 3)
         assert verdict.outcome == "proved", verdict
         times.append(took)
     points = np.random.default_rng(0).uniform(LOW, HIGH, (SAMPLES, 2))
     sampled, _ = seconds(lambda: np.linalg.svd(stack.approx(points), compute_uv=False), 1)
     mine = statistics.median(times)
     boxes = verdict.evidence["boxes"]
-    print(f"certificate, 3 states, window 3: {mine * 1e3:7.1f} ms, {boxes} boxes (at most "
-          f"{MOST * 1e3:g} ms); {SAMPLES} rank tests {sampled * 1e3:7.1f} ms   "
+    print(f"certificate, 3 states, window 3: {duration(mine)}, {boxes} boxes (at most "
+          f"{duration(MOST)}); {SAMPLES} rank tests {duration(sampled)}   "
           f"{'ok' if mine <= MOST else 'ABOVE THE CEILING'}", flush=True)  # fmt: skip
     return mine <= MOST
 

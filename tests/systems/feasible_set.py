@@ -87,11 +87,11 @@ class Program:
         p_outputs = len(self.case.C)
         for Phi, drift, columns, y in reversed(self.stages):
             if y is None:
-                total += p @ drift + np.abs(p @ columns).sum()
+                total += float(p @ drift + np.abs(p @ columns).sum())
                 p = p @ Phi
                 continue
             m = mu[last - p_outputs : last]
-            total += m @ y + np.abs(m) @ self.case.V
+            total += float(m @ y + np.abs(m) @ self.case.V)
             p, last = p - m @ self.case.C, last - p_outputs
         low, high = self.case.x0
         return float(total + np.maximum(p * low, p * high).sum())

@@ -158,8 +158,10 @@ def cases() -> dict[str, Case]:
     def middle(low: Matrix, high: Matrix) -> Matrix:
         return np.array([(low + high) / 2, (high - low) / 2])
 
-    for plant in (degue, doses, sampled, ball):
-        assert plant.jump is not None
+    assert degue.jump is not None
+    assert doses.jump is not None
+    assert sampled.jump is not None
+    assert ball.jump is not None
     listed = [
         Case(
             "degue", degue.flow.A, degue.output.C, degue.jump.G, _pair([0, 0], [2, 2]),
