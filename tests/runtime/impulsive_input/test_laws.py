@@ -420,3 +420,18 @@ def test_the_first_covariance_does_not_matter_much() -> None:
         for event, (moment, _) in zip(events, TRAIN, strict=True):
             assert abs(event.t - moment) < 5 * event.t_std
             assert math.isfinite(event.t_std)
+
+
+@pytest.mark.parametrize("operator", ["integral", "samples"])
+def test_time_increases_from_the_first_sample_on(operator: str) -> None:
+    body = chain(output__noise_std=[0.1])
+    if operator == "samples":
+        body["observer"] = {"kind": "impulsive_input", "operator": operator}
+    observer = observer_of(body)
+    state = observer.init(0.0)
+    state, _ = observer.step(state, Sample(0.0, y=[1.0]))  # the initial time is that of a sample
+    for t in (0.0, -1.0):
+        with pytest.raises(ValueError, match="time must increase"):
+            observer.step(state, Sample(t, y=[1.0]))
+    state, row = observer.step(state, Sample(0.05, y=[1.0]))
+    assert row.t == 0.05

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +16,7 @@ from lmi.arithmetic.balls import exact
 from lmi.bounds.peak_gain import peak_gains
 from obsdesign.equations.unknown_input import formulas as equations
 from obsdesign.runtime import from_design
+from obsdesign.verification.unknown_input import lasting_error
 from obsdesign.verification.unknown_input.claims import claims
 from tests.systems.unknown_input import random_plant, unknown_input_problem
 
@@ -162,3 +165,21 @@ def test_the_first_state_is_checked() -> None:
         wrong = gains["first"] * (1 + change)
         assert verdicts(problem, gains | {"first": wrong})["consistent"] == "refuted"
     assert verdicts(problem, gains)["consistent"] == "proved"
+
+
+@pytest.mark.parametrize("rate", [1.0, 0.5, 4.0])
+def test_a_refuted_error_is_no_larger_than_the_true_one(rate: float) -> None:
+    """e' = -rate e + step x1 leaves step / rate: exact in floats, and a lower bound lies below."""
+    step = 2.0**-10
+    zero, one = np.zeros((1, 1)), np.ones((1, 1))
+    drives = equations.ErrorDrives(
+        error=equations.Drive(x=exact(step * one), u=exact(zero), d=exact(zero)),
+        state=equations.Drive(x=exact(zero), u=exact(zero), d=exact(zero)),
+        input=equations.Drive(x=exact(zero), u=exact(zero), d=exact(zero)),
+    )
+    matrices = SimpleNamespace(F=exact(-rate * one), X=exact(one), Q=exact(zero))
+    verdict = lasting_error._verdict(drives, matrices, 1.0)  # type: ignore[arg-type]
+    assert verdict.outcome == "refuted"
+    witness = verdict.evidence["witness"]
+    assert witness["estimate"] == "x1"
+    assert step / rate * (1 - 1e-8) < witness["error"] < step / rate
