@@ -277,3 +277,16 @@ def test_a_size_in_two_digits_is_not_below_it(value: float) -> None:
     assert value <= float(text) * (1 + 1e-12)
     assert float(text) <= 1.1 * value * (1 + 1e-9)
     assert float(text) == float(f"{float(text):.2g}")
+
+
+@pytest.mark.parametrize(
+    "stated", [{"poles": [-1.0, -2.0]}, {"weights": {"state": [1.0, 1.0], "output": [1.0]}}]
+)
+def test_what_is_stated_is_a_sentence_of_its_own(stated: dict[str, Any]) -> None:
+    design = obsdesign.design(luenberger(FLOW["A"], [[1.0, 0.0]], **stated))
+    (claim,) = (claim for claim in design.claims if claim.id in stated)
+    (sentence,) = (one for one in design.guarantees if one.claims == (claim.id,))
+    assert sentence.given
+    assert sentence.statement.lower() == f"{claim.statement.lower()}."
+    plain = obsdesign.design(luenberger(FLOW["A"], [[1.0, 0.0]]))
+    assert len(plain.guarantees) == len(design.guarantees) - 1

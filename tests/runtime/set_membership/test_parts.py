@@ -10,6 +10,8 @@ import pytest
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import UNIT
+from obsdesign.errors import InputError
+from obsdesign.runtime.boxes import stated_bounds
 from obsdesign.runtime.set_membership.evaluation import _residuals, upper_bounds
 from obsdesign.runtime.set_membership.model import observer_model
 from obsdesign.runtime.set_membership.observer import _unscaled
@@ -125,3 +127,31 @@ def test_units_are_exact_but_where_numbers_are_tiny() -> None:
     assert upper[:2].tolist() == [0.28125, 0.0]
     assert (exact(lower) <= exact(box[0]) / exact(scales)).all()
     assert (exact(upper) >= exact(box[1]) / exact(scales)).all()
+
+
+def test_a_model_in_other_units_is_the_same_plant() -> None:
+    rng = np.random.default_rng(4)
+    units = 2.0 ** np.array([0, 9, -7])
+    A, G = rng.standard_normal((2, 3, 3)) * units[:, None] / units
+    plain = {
+        "A": A, "G": G, "B": rng.standard_normal((3, 2)), "E": rng.standard_normal((3, 1)),
+        "C": rng.standard_normal((1, 3)) / units, "noise_bound": np.ones(1),
+        "flow_lower": -units, "flow_upper": units, "jump_lower": -units, "jump_upper": units,
+    }  # fmt: skip
+    gains = replace(observer_of(CRANE, 4).gains, **plain)
+    model = observer_model(gains)
+    s = model.scales
+    assert s.max() > 50 * s.min()
+    assert (model.A * s / s[:, None] == A).all()
+    assert (model.G * s / s[:, None] == G).all()
+    assert (model.C * s == plain["C"]).all()
+    assert (model.inputs / s[:, None] == plain["B"]).all()
+    assert (model.jump_inputs / s[:, None] == plain["E"]).all()
+
+
+def test_initial_bounds_that_are_none_are_named() -> None:
+    for initial, words in ((None, "got nothing"), ([1.0, 2.0, 3.0], "got 3 numbers")):
+        with pytest.raises(InputError, match=f"must be the 4 numbers x1_lo,x1_hi.*; {words}"):
+            stated_bounds(2, initial)
+    lower, upper = stated_bounds(2, [-1.0, 1.0, -2.0, 2.0])
+    assert (lower.tolist(), upper.tolist()) == ([-1.0, -2.0], [1.0, 2.0])

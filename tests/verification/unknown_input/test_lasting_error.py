@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from types import SimpleNamespace
 
 import numpy as np
@@ -183,3 +184,19 @@ def test_a_refuted_error_is_no_larger_than_the_true_one(rate: float) -> None:
     witness = verdict.evidence["witness"]
     assert witness["estimate"] == "x1"
     assert step / rate * (1 - 1e-8) < witness["error"] < step / rate
+
+
+@pytest.mark.parametrize("parts", [(0.1, 0.2, 0.3), (0.7, 0.0, 0.1), (0.3, 1e-17, 1e-17)])
+def test_a_proved_error_is_no_smaller_than_the_true_one(parts: tuple[float, ...]) -> None:
+    """Nothing drives e, and x, u and d of unit size enter the estimate with one sign."""
+    zero = np.zeros((1, 1))
+    x, u, d = (1e-10 * part * np.ones((1, 1)) for part in parts)
+    still = equations.Drive(x=exact(zero), u=exact(zero), d=exact(zero))
+    direct = equations.Drive(x=exact(x), u=exact(u), d=exact(d))
+    drives = equations.ErrorDrives(error=still, state=direct, input=still)
+    matrices = SimpleNamespace(F=exact(-np.ones((1, 1))), X=exact(zero), Q=exact(zero))
+    verdict = lasting_error._verdict(drives, matrices, 1.0)  # type: ignore[arg-type]
+    assert verdict.outcome == "proved"
+    bound = Fraction(verdict.evidence["bounds"]["state"])
+    true = sum(Fraction(part.item()) for part in (x, u, d))
+    assert true <= bound <= true * Fraction(1 + 3e-9)
