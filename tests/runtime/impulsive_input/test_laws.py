@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from tests.long.random_impulses import HIDDEN, outcome
 from tests.systems.impulsive_input import CHAIN, events_of, observer_of, record, rows_from
 
@@ -435,3 +437,13 @@ def test_time_increases_from_the_first_sample_on(operator: str) -> None:
             observer.step(state, Sample(t, y=[1.0]))
     state, row = observer.step(state, Sample(0.05, y=[1.0]))
     assert row.t == 0.05
+
+
+@pytest.mark.parametrize("first", [0.0, 0.03, -7.25])
+def test_samples_are_due_by_the_first_row(first: float) -> None:
+    rows: Any = SimpleNamespace(run=SimpleNamespace(gains=SimpleNamespace(period=0.1)))
+    for k in (1, 2, 50):
+        assert Rows._missing(rows, first, first + 0.1 * k) == ("missing sample",)
+        assert Rows._missing(rows, first, first + 0.1 * k + 0.04) == ()
+    rows.run.gains.period = None
+    assert Rows._missing(rows, first, first + 0.04) == ("missing sample",)

@@ -12,9 +12,9 @@ import pytest
 from lmi.arithmetic.balls import exact, number, scalar
 from lmi.rank.stack import Stack
 from obsdesign.verification.impulsive import rate as rates
-from obsdesign.verification.impulsive.blocks import Blocks
+from obsdesign.verification.impulsive.blocks import Blocks, _influences
 from obsdesign.verification.impulsive.claims import _nominal
-from obsdesign.verification.impulsive.rate import Bound, RankProof, Rate
+from obsdesign.verification.impulsive.rate import Bound, RankProof, Rate, Reach
 from obsdesign.verification.impulsive.statements import full_rank
 
 
@@ -191,3 +191,16 @@ def test_a_search_that_failed_is_not_repeated() -> None:
     # the twins: no certificate, and one that carries its proof
     assert full_rank(stack, 1.0, 2.0, {}).outcome == "proved"
     assert full_rank(stack, 1.0, 2.0, failed | {"sigma_min": 0.5}).outcome == "proved"
+
+
+def test_blocks_that_do_not_meet_have_no_influence() -> None:
+    unit, A, C = exact(np.eye(2)), exact(np.diag([-1.0, -2.0])), exact([[0.0, 1.0]])
+    apart = Blocks(
+        A=A, G=unit, C=C, A0=A, G0=unit, C0=C, T=unit, T_back=unit, first=1, size=1
+    )  # fmt: skip
+    with rates.in_balls():
+        reach = Reach(Bound(number(1.0), number(0.5)), number(0.5))
+        weights = _influences(apart, reach, 1.0, [slice(0, 1), slice(1, 2)], 1)
+        for row in weights:
+            for weight in row:
+                assert float(weight.abs_upper()) < 1e-20
