@@ -378,3 +378,16 @@ def test_an_entry_that_misses_is_the_witness() -> None:
     assert claim.evidence["witness"]["value"] == 0.25
     assert "entry (2, 1) by 0.25" in claim.evidence["witness"]["reason"]
     assert nonnegative_claim(exact(stored), exact(stored), "here").verdict == "proved"
+
+
+@pytest.mark.parametrize(("first", "refuted"), [(1.5, True), (0.5, False)])
+def test_a_stated_gain_of_the_wrong_sign_is_no_matter_of_the_open_one(
+    first: float, refuted: bool
+) -> None:
+    """G - M C has the entry 1 - first in its first row, whatever L is."""
+    changes = {"observer__form": "cooperative", "observer__gains": {"M": [[first], [1.0]]}}
+    outcome = obsdesign.investigate(problem_with(**changes))
+    reasons = [
+        claim.evidence["witness"]["reason"] for claim in outcome.claims if claim.id == "attainable"
+    ]
+    assert any("jump matrix" in reason for reason in reasons) is refuted
