@@ -13,6 +13,7 @@ import pytest
 import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from tests.long.random_impulses import HIDDEN, outcome
 from tests.systems.impulsive_input import CHAIN, events_of, observer_of, record, rows_from
@@ -447,3 +448,25 @@ def test_samples_are_due_by_the_first_row(first: float) -> None:
         assert Rows._missing(rows, first, first + 0.1 * k + 0.04) == ()
     rows.run.gains.period = None
     assert Rows._missing(rows, first, first + 0.04) == ("missing sample",)
+
+
+@pytest.mark.parametrize("shift", [0.0003, 0.02, 0.049])
+def test_the_cell_of_an_onset_is_a_likely_one(
+    shift: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the curve of all ages says: as samples show onsets, that cell stands out."""
+    likely, cells = Evaluator._likely_cells, []
+
+    def kept(self: Any, window: Any, *features: Any) -> Any:
+        cells.append((window.t, likely(self, window, *features)))
+        return cells[-1][1]
+
+    monkeypatch.setattr(Evaluator, "_likely_cells", kept)
+    t, body = np.round(0.05 * np.arange(1001), 10), chain()
+    moment = 20.0 + shift
+    x = record(np.array(body["flow"]["A"]), body["jump"]["H"], [(moment, 4.0)], t, [4, 20, 60])
+    observer = observer_of(body)
+    assert len(observer.run_batch(t, x[:, 2:], x=[4, 20, 60]).events) == 1
+    near = [np.abs(times[sorted(found)] - moment).min() for times, found in cells if found]
+    assert near
+    assert max(near) <= 0.11
