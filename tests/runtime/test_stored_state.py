@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
+import json
 import math
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ import pytest
 import obsdesign
 from obsdesign.data.simulation import simulate
 from obsdesign.data.stream import Stream
+from obsdesign.document import digest
+from obsdesign.errors import InputError
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.step_cache import shared_step
@@ -118,3 +121,30 @@ def test_parts_give_what_the_whole_gives(case: str, live: bool) -> None:
         progress = progress_from_text(state_text(design, stream.progress), design, fresh, "s.json")
     assert estimates == whole
     assert len(whole) > len(samples) / 3
+
+
+# --- states of another type -------------------------------------------------------------------------
+
+
+def resumed(case: str, change: Callable[[Any], object]) -> Progress:
+    """The progress of a signed state file after a change of its state."""
+    design, observer, state, samples = recorded(case)
+    stream = Stream(observer, Progress(state))
+    list(stream.estimates(iter(samples[:30])))
+    body = json.loads(state_text(design, stream.progress))
+    change(body["progress"][0])
+    text = json.dumps(body | {"digest": digest(body)})
+    return progress_from_text(text, design, observer, "s.json")
+
+
+@pytest.mark.parametrize("case", ["impulses, integral", "impulses, samples"])
+def test_a_part_of_several_types_has_the_entries_of_its_own(case: str) -> None:
+    assert resumed(case, lambda state: None).t > 0
+    for change, words in (
+        (lambda state: state["live"].update(t=None), "state.live.t"),
+        (lambda state: state["live"].pop("t"), "state.live"),
+        (lambda state: state["live"].update(type="Event"), "state.live"),
+        (lambda state: state.update(live=None), "state.live"),
+    ):
+        with pytest.raises(InputError, match=f"{words}.* must be"):
+            resumed(case, change)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,7 +18,8 @@ from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.pages.curves import curve_of
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.document import sentences_from
+from obsdesign.verification.document import _pairs, sentences_from
+from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from tests.cli.test_commands import ROOT
 from tests.fuzz.cases import design_text
 from tests.pages.test_report import Page
@@ -246,3 +248,19 @@ def test_a_claim_of_any_name_that_nothing_proves_is_a_difference(
         outcome = obsdesign.verify(replace(design, claims=claims))
         assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
     assert obsdesign.verify(design).verdict == "proved"
+
+
+def test_an_older_design_lacks_the_sentence_on_rounded_widths_and_no_other_that_is_given() -> None:
+    main, other = (obsdesign.document.Guarantee(text, ("a",), True) for text in ("one.", "two."))
+    rounded = obsdesign.document.Guarantee(ROUNDED_WIDTHS, ("a",), True)
+    recomputed: Any = SimpleNamespace(guarantees=(main, other, rounded), warnings=("beware",))
+
+    def pairs(*guarantees: Any, warnings: Any = None) -> Any:
+        design: Any = SimpleNamespace(guarantees=guarantees, warnings=warnings)
+        return _pairs(design, recomputed)
+
+    assert pairs(other, main) == [(main, main), (other, other)]
+    assert len(pairs(main, other, rounded)) == 3
+    assert pairs(main) is None
+    assert pairs(main, rounded) is None
+    assert pairs(main, other, warnings=("beware",)) is None  # a design of this release

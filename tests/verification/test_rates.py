@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from lmi.arithmetic.arrays import NewEntries
+from lmi.verdict import proved, undecided
 from obsdesign.document import Claim
-from obsdesign.verification.dwell import DwellCertificate
+from obsdesign.verification.dwell import DwellCertificate, source_of
 from obsdesign.verification.rates import StatedRates, rates_sentence
 
 ONE = {"P": [[1.0]]}
@@ -59,3 +60,12 @@ def test_a_certificate_is_read_by_its_names() -> None:
     assert read(WINDOWS | {"boxes": 3}).matrices() == WINDOWS
     assert not read({"vector": [1.0], "P": None}).has_matrices
     assert read({}) == DwellCertificate()
+
+
+def test_the_source_of_a_proof_by_windows_is_named() -> None:
+    for verdict, named in (
+        (proved(windows=3), True), (proved(P=1), False), (undecided("open", windows=3), False),
+    ):  # fmt: skip
+        source = source_of(verdict, "A paper")
+        assert source.startswith("A paper")
+        assert ("docs/windows.md" in source) is named

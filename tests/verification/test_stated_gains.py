@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import obsdesign
 from lmi.arithmetic.balls import exact
 from obsdesign.analysis.stated_poles import gap
 from obsdesign.synthesis.placement import placed_gain
-from obsdesign.verification.stated_poles import poles_claim
+from obsdesign.verification.stated_poles import _up, poles_claim
 from tests.systems.impulsive_input import CHAIN
 
 # chains that float placement turned into flows that grow
@@ -305,3 +307,24 @@ def test_poles_are_placed_wherever_the_outputs_together_see_the_state(
     hidden = [[*row, 0] for row in A] + [[0] * n + [1]]
     with pytest.raises(obsdesign.InputError, match=r"the mode 1 of flow\.A cannot be moved"):
         obsdesign.investigate(luenberger(hidden, [[*row, 0] for row in C], poles=[*poles, -7]))
+
+
+@given(st.floats(1e-12, 1e12))
+def test_a_size_in_two_digits_is_not_below_it(value: float) -> None:
+    text = _up(value)
+    assert value <= float(text) * (1 + 1e-12)
+    assert float(text) <= 1.1 * value * (1 + 1e-9)
+    assert float(text) == float(f"{float(text):.2g}")
+
+
+@pytest.mark.parametrize(
+    "stated", [{"poles": [-1.0, -2.0]}, {"weights": {"state": [1.0, 1.0], "output": [1.0]}}]
+)
+def test_what_is_stated_is_a_sentence_of_its_own(stated: dict[str, Any]) -> None:
+    design = obsdesign.design(luenberger(FLOW["A"], [[1.0, 0.0]], **stated))
+    (claim,) = (claim for claim in design.claims if claim.id in stated)
+    (sentence,) = (one for one in design.guarantees if one.claims == (claim.id,))
+    assert sentence.given
+    assert sentence.statement.lower() == f"{claim.statement.lower()}."
+    plain = obsdesign.design(luenberger(FLOW["A"], [[1.0, 0.0]]))
+    assert len(plain.guarantees) == len(design.guarantees) - 1

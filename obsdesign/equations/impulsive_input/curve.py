@@ -104,6 +104,7 @@ def balanced_size(F: Matrix) -> float:
         scale = np.sqrt(columns / rows)
         if scale.max() < _BALANCED_RATIO and scale.min() * _BALANCED_RATIO > 1:
             break
+        scale = np.sqrt(scale)  # half the way: whole steps of all at once never settle a cycle
         X = X * scale[:, None] / scale
     return smallest
 

@@ -98,12 +98,15 @@ def feature_flows(F: Array, n: int, start: float, step: float, count: int) -> Ar
     """
     units = feature_units(F, n, abs(start) + abs(step) * count)
     flows = exponential_grid(F * units / units[:, None], start, step, count)
-    return np.asarray(flows[:, :, :n] * units[:, None] / units[:n])
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond floats: infinite, as in the grid
+        return np.asarray(flows[:, :, :n] * units[:, None] / units[:n])
 
 
 def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
     """[e^{D s} H; b(s)] at s = 0, step, ..., (count, n + m p, q)."""
-    return feature_flows(F, len(H), 0.0, step, count) @ H
+    flows = feature_flows(F, len(H), 0.0, step, count)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(flows @ H)
 
 
 def window_matrix(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import ROUND_FLOOR, Context
 
 import numpy as np
 
@@ -39,5 +40,4 @@ def longest_period(D: Array, exponents: Array | None, window: float) -> float:
 
 def rounded_down(value: float) -> float:
     """Three digits of a positive number, never more than it."""
-    digits = 10.0 ** (2 - math.floor(math.log10(value)))
-    return float(f"{math.floor(value * digits * (1 - 1e-12)) / digits:.3g}")
+    return float(Context(prec=3, rounding=ROUND_FLOOR).create_decimal(repr(float(value))))

@@ -61,10 +61,8 @@ class Pattern:
         rows, period = len(self.ends), steps[0].h
         if not steps[-1].jump:
             return f"a sample every {period:.9g}"
-        if rows > 1 or steps[0].sampled != steps[1].sampled:
-            between = f"a jump every {rows * period:.9g}"
-            return f"a sample every {period:.9g} and {between}" if rows > 1 else between
-        return f"a jump every {period:.9g}"
+        between = f"a jump every {rows * period:.9g}"
+        return f"a sample every {period:.9g} and {between}" if rows > 1 else between
 
 
 def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:

@@ -146,7 +146,7 @@ def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
 
 
 def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
-    """Return the maps of a jump: with its measurement (True) and without one (False)."""
+    """Return the maps of a jump: without its measurement (False) and with it, if there is one."""
     G, M, C = (exactly(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
     n, when, V = gains.n, gains.jump_measurement, model.V
     c_rad, known = model.c_rad, model.jump_inputs
@@ -156,7 +156,7 @@ def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
     plain = box_map(model, model.similar(G), None, None, known=model.inward(known), R=plain_N,
                     g=model.spread(c_rad))  # fmt: skip
     if when == "none":
-        return {False: plain, True: plain}
+        return {False: plain}
     through = exactly(np.eye(n))
     H = G - M @ C
     if when == "after":

@@ -231,7 +231,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
 
     def _box(self, lower: ArrayLike, upper: ArrayLike) -> Matrix:
         low, high = initial_bounds(self.n, lower, upper)
-        return _outward(np.stack([low, high]) * self._model.scales)
+        return _scaled(np.stack([low, high]), self._model.scales)
 
     @cached_property
     def _model(self) -> Model:
@@ -248,14 +248,15 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
 
 def _unscaled(box: Matrix, scales: Matrix) -> Matrix:
     """Bounds of x from those of z: exact unless they underflow."""
-    return _outward(box / scales)
+    return _scaled(box, 1.0 / scales)
 
 
-def _outward(box: Matrix) -> Matrix:
-    """A box whose entries were scaled by powers of two, outward where they underflowed."""
-    is_small = (np.abs(box) < _SUBNORMAL) & (box != 0.0)
-    ends = np.stack([np.nextafter(box[0], -np.inf), np.nextafter(box[1], np.inf)])
-    return np.where(is_small, ends, box)
+def _scaled(box: Matrix, factors: Matrix) -> Matrix:
+    """A box times powers of two, outward where entries underflow."""
+    scaled = box * factors
+    is_small = (np.abs(scaled) < _SUBNORMAL) & (box != 0.0)
+    ends = np.stack([np.nextafter(scaled[0], -np.inf), np.nextafter(scaled[1], np.inf)])
+    return np.where(is_small, ends, scaled)
 
 
 def _contradiction_text(contradiction: Contradiction) -> str:

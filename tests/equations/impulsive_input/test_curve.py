@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve, balanced_size, power_sum
@@ -56,6 +58,14 @@ def test_a_flow_too_fast_for_its_window_is_refused() -> None:
         ImpulseCurve.from_system(1e9 * F, H, 1.0)
 
 
+@pytest.mark.parametrize("growth", [30.0, 300.0])
+def test_a_flow_that_floats_cannot_follow_is_refused_without_a_warning(growth: float) -> None:
+    F, H = np.array([[growth, 0.0], [1.0, -1.0]]), np.ones((1, 1))
+    assert np.isfinite(ImpulseCurve.from_system(F, H, 2.0).states).all()
+    with pytest.raises(ValueError, match="floats cannot follow an impulse"):
+        ImpulseCurve.from_system(F, H, 900.0 / growth)
+
+
 def test_ages_that_leave_nothing_are_not_searched() -> None:
     # b = (e^{-s} - e^{-9 s}) / 8: its peak at log(9)/8 is 1/(9^{9/8}); a thousandth is left at 6.97
     F, H = np.array([[-9.0, 0.0], [1.0, -1.0]]), np.array([[1.0]])
@@ -77,6 +87,28 @@ def test_a_balanced_size_is_in_no_units() -> None:
     assert balanced_size(np.array([[0.0, 100.0], [0.0, 0.0]])) <= 100.0
     assert balanced_size(np.array([[5.0, 1e6], [0.0, 5.0]])) <= 15.0
     assert balanced_size(np.array([[2.0, 1.0], [1.0, 2.0]])) == 3.0
+
+
+@pytest.mark.parametrize("rates", [[1.0, 1e6], [1e-6, 1.0], [1e-3, 1.0, 1e5], [1e4, 1.0, 1e4, 1.0]])
+def test_the_balanced_size_of_a_cycle_is_about_its_geometric_mean(rates: list[float]) -> None:
+    """No units make the largest entry of a cycle smaller, and some make all entries equal."""
+    F = np.diag(rates[:-1], 1)
+    F[-1, 0] = rates[-1]
+    mean = np.exp(np.log(rates).mean())
+    # neighbours differ by the square of the ratio at which balancing ends, at most
+    assert mean * (1 - 1e-12) <= balanced_size(F) <= 2.25 ** ((len(rates) - 1) / 2) * mean
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4))
+def test_units_hardly_change_the_balanced_size_of_oscillators(seed: int, count: int) -> None:
+    """Position and velocity tie each other alone: [[0, 1], [-w^2, 0]] has size w."""
+    rng = np.random.default_rng(seed)
+    speeds, units = 10.0 ** rng.uniform(-3, 3, count), 10.0 ** rng.uniform(-3, 3, 2 * count)
+    F = np.zeros((2 * count, 2 * count))
+    for k, speed in enumerate(speeds):
+        F[2 * k, 2 * k + 1], F[2 * k + 1, 2 * k] = 1.0, -(speed**2)
+    size = balanced_size(units[:, None] * F / units)
+    assert speeds.max() * (1 - 1e-9) <= size <= 1.5 * speeds.max()
 
 
 def test_power_sums() -> None:

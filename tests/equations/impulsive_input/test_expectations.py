@@ -11,6 +11,7 @@ import pytest
 from scipy.linalg import expm
 
 from obsdesign.equations.impulsive_input import expectations
+from obsdesign.equations.impulsive_input.deviations import NoisyImpulses, peak_age
 from obsdesign.equations.impulsive_input.features import FeatureWindow, window_taps
 
 D = np.array([[-0.5, 1.0], [-2.0, -0.8]])
@@ -110,3 +111,23 @@ def test_peaks_and_weights_of_a_design(rule: str) -> None:
     assert set(evidence) - {"smallest_weight", "largest_weight"} == {
         "peak", "peak_age", "evaluated_at_age", "latency", "neglected_ratio",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("speed", [-0.5, 0.0, 0.5])
+def test_deviations_are_foreseen_where_errors_decay(speed: float) -> None:
+    gains = gains_of(
+        1, C=np.eye(1), H=np.eye(1), K=np.zeros((1, 1)), exponents=np.array([-1.0]), margin=0.5,
+        shortest_dwell=5.0, weighting="gls", state_correction=False,
+    )  # fmt: skip
+    impulses = NoisyImpulses.from_gains(np.array([[speed]]), gains)
+    assert (impulses is None) is (speed >= 0)
+    gains.noise_std = np.zeros(1)
+    assert NoisyImpulses.from_gains(np.array([[speed]]), gains) is None
+
+
+@pytest.mark.parametrize("top", [0.3, 1.2, 7.6, 18.8])
+def test_a_peak_between_two_points_of_a_grid(top: float) -> None:
+    size = 5.0 - 0.01 * (np.arange(20) - top) ** 2
+    states = np.stack([np.zeros(20), size], axis=1)[:, :, None]
+    curve = SimpleNamespace(states=states, n=1, step=0.5)
+    assert peak_age(curve) == pytest.approx(0.5 * top)

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import quad, quad_vec
 from scipy.linalg import expm
 
@@ -116,11 +118,22 @@ def test_longest_periods() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "down"), [(1.0, 0.99), (0.123456, 0.123), (98765.0, 98700.0), (5.005e-7, 5e-7)]
-)
+    ("value", "down"),
+    [
+        (1.0, 1.0), (0.3, 0.3), (0.123456, 0.123), (98765.0, 98700.0), (5.005e-7, 5e-7),
+        (math.nextafter(1.0, 0.0), 0.999), (math.nextafter(0.02, 0.0), 0.0199),
+    ],
+)  # fmt: skip
 def test_three_digits_downwards(value: float, down: float) -> None:
     assert sampling.rounded_down(value) == down
-    assert sampling.rounded_down(value) <= value
+
+
+@given(st.floats(1e-300, 1e300))
+def test_what_is_rounded_down_has_three_digits_and_stays(value: float) -> None:
+    down = sampling.rounded_down(value)
+    assert value * (1 - 0.0101) < down <= value
+    assert down == float(f"{down:.3g}")
+    assert sampling.rounded_down(down) == down
 
 
 def test_exponents_that_binary64_cannot_execute() -> None:

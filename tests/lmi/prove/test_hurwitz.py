@@ -177,3 +177,9 @@ def test_weights_of_fast_modes_are_smaller_down_to_a_limit() -> None:
 def test_spectra_of_many_rows_are_left_open() -> None:
     assert real_spectrum(exact(np.diag(np.arange(40.0)))) is True
     assert real_spectrum(exact(np.diag(np.arange(41.0)))) is None
+
+
+@pytest.mark.parametrize("rest", [[0.5], [0.5, -0.25], []])
+def test_minus_one_is_on_the_circle_exactly(rest: list[float]) -> None:
+    assert schur(ball(exact(np.diag([-1.0, *rest])))) is False
+    assert schur(ball(exact(np.diag([-0.75, *rest])))) is True

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from lmi.refute.spectral import refute_spectral
+from lmi.arithmetic.balls import PRECISIONS, exact
+from lmi.refute.spectral import _settled, refute_spectral
 from tests.systems.pairs import (
     LONGEST,
     LONGEST_END,
@@ -128,3 +129,10 @@ def test_a_form_that_flow_and_jumps_leave_alone_refutes(sign: float) -> None:
     # twins that shrink a little, along the flow or at jumps
     assert refute_spectral(F - 1e-6 * np.eye(3), H, 0.5, 2.0).outcome == "undecided"
     assert refute_spectral(F, (1 - 1e-6) * H, 0.5, 2.0).outcome == "undecided"
+
+
+def test_what_no_precision_tells_names_the_highest() -> None:
+    """A rotation by 1: two eigenvalues on the circle, neither of them real."""
+    turn, unit = exact([[0.0, 1.0], [-1.0, 0.0]]), exact(np.eye(2))
+    assert _settled(turn, unit, 1.0) == (None, "", max(PRECISIONS))
+    assert _settled(turn, exact(0.5 * np.eye(2)), 1.0)[0] is True

@@ -61,6 +61,17 @@ def test_errors_of_the_length_are_covered() -> None:
     assert not np.all(np.abs(expm(gains.A * 0.403) - wide.flow) <= wide.flow_error)
 
 
+def test_many_known_inputs_have_room_for_the_rounding_of_their_sum() -> None:
+    one, zero, count = np.ones((1, 1)), np.zeros((1, 1)), 40
+    u = np.r_[1.0, np.full(count - 1, 0.9 * UNIT)]  # each sum is rounded down to 1
+    forced = np.cumsum(u)[-1:]
+    assert forced[0] == 1.0
+    maps = FlowMaps(one, one, zero, zero, zero, np.zeros(1), inputs=count)
+    bound = maps.error(np.zeros(1), forced)
+    left = sum(map(Fraction, u.tolist())) - 1
+    assert 0 < left <= Fraction(bound[0]) <= 4 * left
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_rounding_of_a_step_is_enclosed_by_few_units(seed: int) -> None:
     rng = np.random.default_rng(seed)

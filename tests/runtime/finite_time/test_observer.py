@@ -16,7 +16,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.finite_time import observer as finite_time
-from obsdesign.runtime.finite_time.window import held_input
+from obsdesign.runtime.finite_time.window import flowed, held_input
 from tests.cli.test_commands import command
 from tests.test_architecture import SOLVERS, run_blocked
 from tests.verification.finite_time.test_claims import ROTATION, L, sampled_problem
@@ -481,3 +481,33 @@ def test_jumps_may_come_whenever_the_problem_says_so(
     for k in range(1, 40):
         state, estimate = observer.step(state, Sample(0.05 * k, y=[0.0], jump=k in (1, 3)))
     assert estimate.status == "ok"
+
+
+def test_errors_inside_of_a_period_count_at_its_end() -> None:
+    """What a flow adds by rounding grows until the sample that ends the period."""
+    problem = sampled_problem(
+        [[3.0, 0.0], [0.0, 2.0]], [[1.0, 1.0]], 0.5, window=2, method="least_squares",
+        flow={"B": [[1.0], [1.0]]}, output={"noise_bound": [0.1]},
+    )  # fmt: skip
+    observer = observer_of(problem)
+    state, _ = observer.step(observer.init(), Sample(0.0, y=[1.0], u=[2.0]))
+    constants, half = observer.constants, 0.25
+    through = flowed(constants, state, half, 0.0).bounds.w_error
+    carried = flowed(constants, state, half, half).bounds.w_error
+    assert (through > 0).all()
+    assert (carried >= np.exp(np.array([3.0, 2.0]) * half) * through).all()
+    assert (carried <= 1.01 * np.exp(np.array([3.0, 2.0]) * half) * through).all()
+
+
+def test_a_jump_without_its_sample_starts_an_empty_window() -> None:
+    problem = sampled_problem(
+        period=0.25, window=2, output={"jump_measurement": "after"},
+        jump={"G": [[1, 0], [0.5, -1]], "dwell_time": [5, 5]},
+    )  # fmt: skip
+    record = record_of(problem, until=8)
+    jump, y = record.columns["jump"], record.block("y").copy()
+    (row,) = np.flatnonzero(jump)
+    y[row] = np.nan
+    batch = observer_of(problem).run_batch(record.t, y, jump=jump)
+    assert set(batch.status[row + 1 : row + 9]) == {"window not full"}
+    assert batch.status[row + 9] == "ok"

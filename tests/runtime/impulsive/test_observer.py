@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -243,3 +244,10 @@ def test_digest_and_runtime_agree(tmp_path: Any) -> None:
     (tmp_path / "d.json").write_text(json.dumps(body))
     with pytest.raises(obsdesign.InputError, match="digest does not match"):
         obsdesign.runtime.load(tmp_path / "d.json")
+
+
+@pytest.mark.parametrize("B", [None, np.ones((2, 1))])
+@pytest.mark.parametrize("drift", [[0.0, 0.0], [0.0, 0.5]])
+def test_a_flow_is_driven_by_known_inputs_or_by_a_drift(B: Any, drift: list[float]) -> None:
+    own: Any = SimpleNamespace(gains=SimpleNamespace(B=B), _drift=np.array(drift))
+    assert ImpulsiveObserver._forced.func(own) is (B is not None or any(drift))

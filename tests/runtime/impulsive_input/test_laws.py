@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ import pytest
 import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator
+from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from tests.long.random_impulses import HIDDEN, outcome
 from tests.systems.impulsive_input import CHAIN, events_of, observer_of, record, rows_from
 
@@ -420,3 +423,50 @@ def test_the_first_covariance_does_not_matter_much() -> None:
         for event, (moment, _) in zip(events, TRAIN, strict=True):
             assert abs(event.t - moment) < 5 * event.t_std
             assert math.isfinite(event.t_std)
+
+
+@pytest.mark.parametrize("operator", ["integral", "samples"])
+def test_time_increases_from_the_first_sample_on(operator: str) -> None:
+    body = chain(output__noise_std=[0.1])
+    if operator == "samples":
+        body["observer"] = {"kind": "impulsive_input", "operator": operator}
+    observer = observer_of(body)
+    state = observer.init(0.0)
+    state, _ = observer.step(state, Sample(0.0, y=[1.0]))  # the initial time is that of a sample
+    for t in (0.0, -1.0):
+        with pytest.raises(ValueError, match="time must increase"):
+            observer.step(state, Sample(t, y=[1.0]))
+    state, row = observer.step(state, Sample(0.05, y=[1.0]))
+    assert row.t == 0.05
+
+
+@pytest.mark.parametrize("first", [0.0, 0.03, -7.25])
+def test_samples_are_due_by_the_first_row(first: float) -> None:
+    rows: Any = SimpleNamespace(run=SimpleNamespace(gains=SimpleNamespace(period=0.1)))
+    for k in (1, 2, 50):
+        assert Rows._missing(rows, first, first + 0.1 * k) == ("missing sample",)
+        assert Rows._missing(rows, first, first + 0.1 * k + 0.04) == ()
+    rows.run.gains.period = None
+    assert Rows._missing(rows, first, first + 0.04) == ("missing sample",)
+
+
+@pytest.mark.parametrize("shift", [0.0003, 0.02, 0.049])
+def test_the_cell_of_an_onset_is_a_likely_one(
+    shift: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the curve of all ages says: as samples show onsets, that cell stands out."""
+    likely, cells = Evaluator._likely_cells, []
+
+    def kept(self: Any, window: Any, *features: Any) -> Any:
+        cells.append((window.t, likely(self, window, *features)))
+        return cells[-1][1]
+
+    monkeypatch.setattr(Evaluator, "_likely_cells", kept)
+    t, body = np.round(0.05 * np.arange(1001), 10), chain()
+    moment = 20.0 + shift
+    x = record(np.array(body["flow"]["A"]), body["jump"]["H"], [(moment, 4.0)], t, [4, 20, 60])
+    observer = observer_of(body)
+    assert len(observer.run_batch(t, x[:, 2:], x=[4, 20, 60]).events) == 1
+    near = [np.abs(times[sorted(found)] - moment).min() for times, found in cells if found]
+    assert near
+    assert max(near) <= 0.11

@@ -17,8 +17,9 @@ from obsdesign.runtime.impulsive_input import whitening
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History, short_dwell
 from obsdesign.runtime.impulsive_input.integral import covariance, recursions
+from obsdesign.runtime.impulsive_input.integral.addition import compared
 from obsdesign.runtime.impulsive_input.integral.search import Rule, Search
-from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
+from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine, _event
 from obsdesign.runtime.impulsive_input.samples.filter import square_root, triangular
 from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
 
@@ -254,3 +255,44 @@ def test_a_peak_fires_when_it_was_left_behind() -> None:
     # below the floor nothing fires
     _, fired = rule.advance(Search(), [0.0, 0.9, 0.0, 0.9, 0.0], 0, np.arange(20.0), 9.0)
     assert not fired
+
+
+def test_one_kernel_is_whitened_too() -> None:
+    s, error = spread(), np.random.default_rng(1).standard_normal((16, 2))
+    R, T = whitening.whitened(TAPS[:, :1], error, s)
+    N = whitening.noise_covariance(TAPS[:, :1], s)
+    np.testing.assert_allclose(T @ N @ T.T, np.eye(2), atol=1e-9)
+    assert R.shape == (2,)
+
+
+@pytest.mark.parametrize("step", [0.5, 2.0])
+def test_an_onset_in_one_cell_of_a_grid_may_be_anywhere_in_it(step: float) -> None:
+    """The deviation of a uniform distribution over one step."""
+    fit: Any = SimpleNamespace(
+        probability=np.array([0.0, 1.0, 0.0]), grid=SimpleNamespace(onsets=step * np.arange(3.0)),
+        weights=np.array([0.0, 7.0, 0.0]), precision=np.array([1.0, 4.0, 1.0]), cost=0.0,
+    )  # fmt: skip
+    event = _event(fit, 5)
+    assert (event.t, event.weights.tolist()) == (step, [7.0])
+    assert event.t_std == pytest.approx(step / 12**0.5)
+    assert event.weights_std.tolist() == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize(
+    ("size", "noisy", "doubted"), [(1.0, True, False), (3.0, True, True), (1e-9, False, True)]
+)
+def test_a_residual_that_noise_does_not_explain_is_a_misfit(
+    size: float, noisy: bool, doubted: bool
+) -> None:
+    """Whatever is left beside the impulse, here all of it, against the noise that is stated."""
+    sigma, rows = 0.2, 50
+    error = size * sigma * np.random.default_rng(2).standard_normal((rows, 1))
+    none: Any = SimpleNamespace(
+        gains=SimpleNamespace(H=np.ones((2, 1)), C=np.ones((1, 2))),
+        impulse_error=lambda t, *_: np.zeros((len(t), 2)),
+    )
+    window: Any = SimpleNamespace(
+        t=np.arange(50.0), error=error, spread=np.full((rows, 1), sigma if noisy else 0.0)
+    )
+    event = compared(none, Event(t=0.0, weights=np.ones(1), t_std=None, weights_std=None), window)
+    assert bool(event.doubts) is doubted

@@ -83,6 +83,28 @@ def _one_step(case: Case, h: float) -> tuple[Window, Matrix]:
 
 
 @pytest.mark.parametrize("h", [0.06, 0.11, 0.24, 1.5])
+def test_generators_and_their_box_contain_what_the_disturbance_adds(h: float) -> None:
+    """What the search for multipliers works with is no narrower than the certified support."""
+    case = cases()["crane"]
+    window, scales = _one_step(case, h)
+    (table,), radius = window.tables, window.radius[0, 0, 0]
+    rng = np.random.default_rng(1)
+    rows = rng.normal(size=(40, 4)) * np.exp(rng.normal(size=(40, 4))) / scales
+    along = np.abs(rows @ table.generators) @ radius[table.units]
+    value = along + np.abs(rows) @ table.remainder @ radius
+    pieces = 64 * table.pieces
+    step, integral = _exp_integral(case.A, arb(h) / pieces)
+    for row, bound in zip(rows * scales, value, strict=True):
+        p, below = _ball(row[None]), 0.0
+        for _ in range(pieces):
+            pulled = p * integral
+            for j in np.flatnonzero(case.b[1]):
+                below += abs(float(pulled[0, int(j)])) * float(case.b[1][j])
+            p = p * step
+        assert below * (1 - 1e-9) <= bound <= 2.0 * below + 1e-3
+
+
+@pytest.mark.parametrize("h", [0.06, 0.11, 0.24, 1.5])
 def test_the_support_function_is_never_below_the_integral_and_near_it(h: float) -> None:
     """int |p' e^{A s} e_j| b_j ds is at least the sum over pieces of the integrals' sizes."""
     case = cases()["crane"]
@@ -135,6 +157,22 @@ def _exact_value(case: Case, state: SetMembershipState, mu: Matrix, row: Matrix)
     for i, (low, high) in enumerate(case.x0.T):
         total += p[0, i] * arb(float(high if p[0, i] > 0 else low))
     return total
+
+
+def test_many_stages_of_one_state_have_room_for_every_rounding() -> None:
+    """Of an output that hardly shows it, so that the sums of the strips alone are rounded."""
+    plant = Case(
+        "one", np.array([[-0.1]]), np.array([[1e-6]]), np.eye(1), np.array([[-1.0], [1.0]]),
+        np.array([[0.1], [0.0]]), np.zeros((2, 1)), np.full(1, 1.0), (0.05, 0.15, 60),
+    )  # fmt: skip
+    window, state, scales = _window(plant, 38)
+    assert len(window) > 35
+    rng = np.random.default_rng(3)
+    rows = rng.normal(size=(24, 1))
+    mu = rng.normal(size=(24, len(window), 1)) * window.sampled[:, None]
+    upper = upper_bounds(window, Targets(rows / scales, np.full(24, len(window) - 1)), mu)
+    for own, row, bound in zip(mu, rows, upper, strict=True):
+        assert arb(float(bound)) >= _exact_value(plant, state, own, row)
 
 
 @pytest.mark.parametrize("name", ["degue", "rand4_42", "ball"])

@@ -20,7 +20,7 @@ from obsdesign.runtime.columns import Columns
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.tape import strip_cut
 from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
-from tests.systems.set_membership import bounds_of, cases, observer_of
+from tests.systems.set_membership import Case, bounds_of, cases, observer_of
 
 CASES = cases()
 PLANT: dict[str, Any] = {
@@ -316,3 +316,18 @@ def test_an_initial_time_is_finite(t: float) -> None:
     observer = observer_of(CASES["degue"], 4)
     with pytest.raises(ValueError, match="time must be finite"):
         observer.init(t, lower=[0, 0], upper=[1, 1])
+
+
+def test_samples_that_contradict_each_other_are_named_and_no_others() -> None:
+    """x' = 0 and |v| <= 0.1: the last sample and the one that bounds x most."""
+    plant = Case(
+        "still", np.zeros((1, 1)), np.eye(1), np.eye(1), np.array([[-9.0], [9.0]]),
+        np.zeros((2, 1)), np.zeros((2, 1)), np.full(1, 0.1), np.arange(1.0, 9.0),
+    )  # fmt: skip
+    observer = observer_of(plant, 8)
+    state = observer.init(0.0, lower=plant.x0[0], upper=plant.x0[1])
+    for k, y in enumerate([0.05, 0.02, -0.06, 0.04, 0.03, 0.06]):
+        state, estimate = observer.step(state, Sample(float(k), y=[y]))
+        assert estimate.status == "ok"
+    state, estimate = observer.step(state, Sample(6.0, y=[0.5]))
+    assert estimate.status.startswith("bounds crossed: samples at 2 6 contradict")

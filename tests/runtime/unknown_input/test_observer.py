@@ -79,6 +79,18 @@ def test_one_step_is_the_formulas_of_the_paper() -> None:
     np.testing.assert_allclose(block_pulse.coefficients(batch.x), cells, atol=1e-10)
 
 
+@pytest.mark.parametrize("inputs", [1, 2])
+def test_known_inputs_leave_no_error(inputs: int) -> None:
+    rng = np.random.default_rng(4)
+    A, C, D = random_plant(rng, 4, 2, 1)
+    problem = unknown_input_problem(A - np.eye(4), C, D, rng.standard_normal((4, inputs)))
+    t = np.round(0.02 * np.arange(400), 10)
+    x, u, _ = truth(problem, t)
+    batch = from_design(obsdesign.design(problem)).run_batch(t, x @ C.T, u, x=x[0])
+    without = from_design(obsdesign.design(problem)).run_batch(t, x @ C.T, 0 * u, x=x[0])
+    assert np.abs(batch.x - x).max() < 0.05 * np.abs(without.x - x).max()
+
+
 @pytest.mark.parametrize("differentiator", ["cell", "damped"])
 def test_a_stream_is_a_batch_and_a_state_can_be_kept(differentiator: str) -> None:
     body = random_problem().to_dict()

@@ -37,8 +37,11 @@ def test_the_budget_itself_is_allowed() -> None:
         require_window(n, most)
         assert most == MOST_SAMPLES or 20 * n**3 * (most + 1) / 4e7 > 19
         if most < MOST_SAMPLES:
-            with pytest.raises(OversizeError):
+            with pytest.raises(OversizeError, match="takes about 20 s, and the budget is 20 s"):
                 require_window(n, most + 1)
+            words = f"takes about {20 * n**3 * 10 * most / 4e7:.0f} s.* 20 s, {most} samples: a"
+            with pytest.raises(OversizeError, match=words):
+                require_window(n, 10 * most)
 
 
 def test_a_design_file_with_such_a_window_is_refused_too(monkeypatch: pytest.MonkeyPatch) -> None:

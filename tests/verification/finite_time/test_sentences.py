@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lmi.arithmetic.balls import precision, scalar
+from lmi.arithmetic.balls import exact, precision, scalar
+from obsdesign.equations.finite_time.rows import START
 from obsdesign.verification.finite_time import gains as verification
+from obsdesign.verification.finite_time.gains import _bias_witness
 from obsdesign.verification.finite_time.theorem_1 import shorter_windows_claim
 
 
@@ -43,3 +45,15 @@ def test_a_radius_beside_the_largest_error(
         witness = claim.evidence["witness"]
         assert witness["state"] == 2
         assert "the estimate of x2 " in witness["reason"]
+
+
+@pytest.mark.parametrize("reference", [None, START])
+def test_a_bias_is_told_of_the_state_that_the_rows_are_about(reference: str | None) -> None:
+    sampled: Any = SimpleNamespace(reference=reference, k=2, period=0.1, A=exact(np.eye(2)))
+    error = np.array([[0.0, 0.0], [0.25, 0.0]])
+    witness = _bias_witness(sampled, error, 1.0)
+    assert witness["state"] == [1.0, 0.0]
+    when = " at the window's start" if reference == START else ""
+    assert witness["reason"] == (
+        f"with x1 = 1{when} and no noise the estimate of x2 is off by 0.25"
+    )

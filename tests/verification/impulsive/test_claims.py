@@ -298,3 +298,10 @@ def test_a_plant_that_decays_by_itself_is_never_refuted(G: Any, stated: dict[str
     # the twin: with an unseen state that does not decay, no gain of any strategy does
     grows = (np.diag([-1.0, 0.0]), np.eye(2), first(2))
     assert investigate(grows, [1, 2], **stated).verdict == "refuted"
+
+
+def test_one_spacing_is_one_cell_without_width() -> None:
+    problem = impulsive_problem(SPLINE, [0.4, 0.4], strategy="quadratic")
+    outcome = obsdesign.investigate(problem)
+    assert outcome.verdict == "proved"
+    assert np.asarray(outcome.design.gains["cells"]).tolist() == [0.4, 0.4]

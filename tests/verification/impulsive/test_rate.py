@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from lmi.arithmetic.balls import exact, number, scalar
+from lmi.rank.stack import Stack
 from obsdesign.verification.impulsive import rate as rates
-from obsdesign.verification.impulsive.blocks import Blocks
+from obsdesign.verification.impulsive.blocks import Blocks, _influences
 from obsdesign.verification.impulsive.claims import _nominal
-from obsdesign.verification.impulsive.rate import Bound, RankProof, Rate
+from obsdesign.verification.impulsive.rate import Bound, RankProof, Rate, Reach
+from obsdesign.verification.impulsive.statements import full_rank
 
 
 def core(**changes: Any) -> Any:
@@ -156,3 +158,49 @@ def test_a_nominal_plant_is_exact_where_no_entry_differs(name: str) -> None:
     changed[0, 1] += 1e-16 if name != "C" else 2.0**-52
     entries[f"{name}0"] = exact(changed)
     assert not Blocks.is_exact.fget(SimpleNamespace(**entries))
+
+
+@pytest.mark.parametrize("weight", [0.01, 0.1, 0.18])
+@pytest.mark.parametrize("goal", [None, 0.9])
+def test_coupled_blocks_stay_below_their_bound(weight: float, goal: float | None) -> None:
+    """x_1+ = .5 x_1 + w x_2, x_2+ = w x_1 + .6 x_2, and its twin that grows."""
+    with rates.in_balls():
+        parts = [Bound(number(1.0), number(0.5)), Bound(number(1.0), number(0.6))]
+        weights = [[number(0.0), number(weight)], [number(weight), number(0.0)]]
+        stated = None if goal is None else number(goal)
+        bound = rates.coupled_bound(parts, weights, stated)
+        constant, factor = float(bound.constant.mid()), float(bound.factor.mid())
+        strong = [[number(0.0), number(0.5)], [number(0.5), number(0.0)]]
+        assert float(rates.coupled_bound(parts, strong, stated).factor.mid()) == 1.0
+    assert factor < 1.0
+    if goal is not None:
+        assert factor == goal
+    step = np.array([[0.5, weight], [weight, 0.6]])
+    for start in np.eye(2):
+        x = start
+        for count in range(1, 60):
+            x = step @ x
+            assert np.linalg.norm(x) <= constant * factor**count
+
+
+def test_a_search_that_failed_is_not_repeated() -> None:
+    stack = Stack(*(exact(np.eye(1)) for _ in range(4)), blocks=2)
+    failed = {"asked": None, "reason": "the search ended", "thetas": [1.0]}
+    verdict = full_rank(stack, 1.0, 2.0, failed)
+    assert (verdict.outcome, verdict.evidence) == ("undecided", failed)
+    # the twins: no certificate, and one that carries its proof
+    assert full_rank(stack, 1.0, 2.0, {}).outcome == "proved"
+    assert full_rank(stack, 1.0, 2.0, failed | {"sigma_min": 0.5}).outcome == "proved"
+
+
+def test_blocks_that_do_not_meet_have_no_influence() -> None:
+    unit, A, C = exact(np.eye(2)), exact(np.diag([-1.0, -2.0])), exact([[0.0, 1.0]])
+    apart = Blocks(
+        A=A, G=unit, C=C, A0=A, G0=unit, C0=C, T=unit, T_back=unit, first=1, size=1
+    )  # fmt: skip
+    with rates.in_balls():
+        reach = Reach(Bound(number(1.0), number(0.5)), number(0.5))
+        weights = _influences(apart, reach, 1.0, [slice(0, 1), slice(1, 2)], 1)
+        for row in weights:
+            for weight in row:
+                assert float(weight.abs_upper()) < 1e-20

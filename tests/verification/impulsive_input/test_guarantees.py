@@ -274,8 +274,10 @@ def test_what_samples_cannot_use_is_refused(block: str, entries: Any, words: str
 def test_an_output_of_zeros_is_refuted() -> None:
     body = chain(exponents=SLOW, gains={"K": [[0.0], [0.0], [0.0]]})
     body["output"]["C"] = [[0, 0, 0]]
-    _, verdicts = claims_of(body)
+    outcome, verdicts = claims_of(body)
     assert {verdicts["observable"], verdicts["rank"]} == {"refuted"}
+    rank = next(claim for claim in outcome.claims if claim.id == "rank")
+    assert rank.evidence["witness"]["vector"] == [1.0, 0.0, 0.0]  # a state that C does not show
 
 
 @pytest.mark.parametrize("cells", [3.5, 4.3, 6.5])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lmi.arithmetic.balls import exact
-from obsdesign.verification.impulsive_input.samples import _uniqueness
+from obsdesign.verification.impulsive_input.samples import _uniqueness, _window_verdict
 
 CHAIN = np.array([[-1.0, 1.0], [0.0, -3.0]])
 
@@ -37,3 +39,16 @@ def test_no_impulse_at_all() -> None:
 def test_modes_that_turn_by_half_a_circle_between_samples(h: float, outcome: str) -> None:
     turn = np.array([[0.0, 4.0], [-4.0, 0.0]])
     assert _uniqueness(exact(turn), exact([[1.0], [0.0]]), h).outcome == outcome
+
+
+def test_as_many_samples_as_are_asked_for_are_enough() -> None:
+    D = exact([[-0.1]])
+    gains: Any = SimpleNamespace(
+        n=1, directions=1, p=1, window=1.0, exponents=-1.0 - np.arange(2), A=[[-0.1]], C=[[1.0]]
+    )
+    few = _window_verdict(gains, D, 0.5, 9.0)
+    assert few.outcome == "undecided"
+    reason = "3 samples in a window are too few to be certain: 3 numbers are unknown, and 4 samples"
+    assert reason in few.evidence["reason"]
+    gains.window = 1.5
+    assert "too few" not in _window_verdict(gains, D, 0.5, 9.0).evidence.get("reason", "")

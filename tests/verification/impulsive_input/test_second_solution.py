@@ -13,6 +13,7 @@ from lmi.arithmetic.balls import ball, exact, precision
 from lmi.arithmetic.exponential import expm
 from lmi.prove import exponential_sign as signs
 from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
+from obsdesign.verification.impulsive_input.second_solution import FeatureCurve, _meetings
 from obsdesign.verification.impulsive_input.uniqueness import decide_uniqueness
 
 TWO_MODES = (np.diag([-0.5, -1.0]), np.array([[1.0, 1.0]]), np.array([[2.0], [-3.0]]))
@@ -58,6 +59,29 @@ def test_three_features_of_random_plants(seed: int) -> None:
         g1, g2 = witness["weights"]
         np.testing.assert_allclose(g1 * b1, g2 * b2, atol=1e-6 * np.abs(b1).max())
     assert refuted
+
+
+@pytest.mark.parametrize("seed", [193, 0, 2])
+def test_a_coarse_grid_leads_to_the_same_two_ages_as_a_fine_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 4))
+    D = np.diag(-rng.uniform(0.2, 2, n))
+    if n == 3:  # a pair of complex modes
+        D[:2, :2] = [[-0.2, 2.0], [-2.0, -0.2]]
+    C, H = rng.standard_normal((1, n)), rng.standard_normal((n, 1))
+    exponents, tau, margin = -np.cumsum(rng.uniform(0.3, 1.0, 3)), 5.0, 0.2
+    F = filtered_system(exact(D), exact(C), exact(exponents))
+    pairs = []
+    for cells in (200, 40):
+        b = [features(D, C, H, exponents, age) for age in np.linspace(margin, tau, cells + 1)]
+        z = np.vstack([exact(H), exact(np.zeros((3, 1)))])
+        curve = FeatureCurve(F=F, z=z, n=n, b=np.array(b), margin=margin, tau=tau)
+        pairs.append(sorted({(round(s, 6), round(r, 6)) for s, r in _meetings(curve)}))
+    assert pairs[0] == pairs[1] != []
+    for ages in pairs[0]:
+        first, second = (features(D, C, H, exponents, age) for age in ages)
+        sine = np.linalg.norm(np.cross(first, second))
+        assert sine < 1e-4 * np.linalg.norm(first) * np.linalg.norm(second)
 
 
 def test_three_outputs_may_share_a_second_answer_too() -> None:
@@ -128,6 +152,19 @@ def test_of_nonnegative_weights_less_than_a_whole_turn_is_unique() -> None:
             assert (signed.outcome, positive.outcome) == ("refuted", "proved")
     assert proved
     assert refuted
+
+
+def test_a_second_weight_may_be_smaller_than_the_first() -> None:
+    """Features of modes that grow: the younger of two impulses is the larger one."""
+    for seed in (0, 7, 22):
+        D, *plant = list(turning_plants(seed + 1))[-1]
+        D = D + 0.5 * np.eye(2)
+        witness = decided(D, *plant, nonnegative=True).evidence["witness"]
+        first, second = map(middle, witness["ages"])
+        g1, g2 = witness["weights"]
+        assert 0 < g2 < g1
+        b1, b2 = (features(D, *plant[:3], age) for age in (first, second))
+        np.testing.assert_allclose(g1 * b1, g2 * b2, atol=1e-6 * np.abs(b2).max())
 
 
 def test_three_features_and_one_feature_of_nonnegative_weights() -> None:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from lmi.arithmetic.balls import exact
 from obsdesign.equations.impulsive_input.features import FeatureWindow
-from obsdesign.verification.impulsive_input.uniqueness import _by_theorem, _one_feature
+from obsdesign.verification.impulsive_input.uniqueness import (
+    _by_theorem,
+    _one_feature,
+    _opposite,
+)
 
 
 def method_of(D: list, C: list, H: list, count: int, tau: float = 3.0) -> str | None:
@@ -80,3 +86,16 @@ def test_one_feature_takes_two_ages_of_one_sign(sign: float) -> None:
     assert verdict.outcome == "refuted"
     reason = verdict.evidence["witness"]["reason"]
     assert "weight -" not in reason
+
+
+@pytest.mark.parametrize("growth", [-1.0, 0.5, 2.0])
+@pytest.mark.parametrize("phase", [0.4, 1.0, 2.0, 4.0])
+def test_opposite_features_are_half_a_turn_apart(growth: float, phase: float) -> None:
+    speed, margin, step = 1.1, 0.5, 0.1
+    angle, size = speed * step * np.arange(60) + phase, np.exp(growth * step * np.arange(60))
+    b = size[:, None] * np.column_stack([np.cos(angle), np.zeros(60), np.sin(angle)])
+    age = _opposite(b, 0, 2, margin, step)
+    assert age == pytest.approx(margin + math.pi / speed, abs=step / 2)
+    # a turn that ends before that, and features that do not turn
+    assert _opposite(b[:28], 0, 2, margin, step) is None
+    assert _opposite(b, 0, 1, margin, step) is None

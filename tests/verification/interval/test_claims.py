@@ -11,10 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
+from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.interval.width import periodic_width
 from obsdesign.synthesis.interval.candidates import synthesize
 from obsdesign.verification.interval.claims import claims
+from obsdesign.verification.interval.signs import nonnegative_claim
 
 BASE: dict[str, Any] = {
     "flow": {"A": [[-1, 0], [1, -2]]},
@@ -366,3 +368,26 @@ def test_many_states_are_proved_by_one_vector_and_verified() -> None:
     ):
         forged = {"dwell_stability": {**claim.evidence, **change}}
         assert claims(problem, gains, forged)[-1].verdict == "undecided"
+
+
+def test_an_entry_that_misses_is_the_witness() -> None:
+    stored = np.array([[1.0, 0.0], [0.5, 1.0]])
+    claim = nonnegative_claim(exact(stored), exact(stored - [[0, 0], [0.25, 0]]), "here")
+    assert claim.verdict == "refuted"
+    assert claim.evidence["witness"]["entry"] == [2, 1]
+    assert claim.evidence["witness"]["value"] == 0.25
+    assert "entry (2, 1) by 0.25" in claim.evidence["witness"]["reason"]
+    assert nonnegative_claim(exact(stored), exact(stored), "here").verdict == "proved"
+
+
+@pytest.mark.parametrize(("first", "refuted"), [(1.5, True), (0.5, False)])
+def test_a_stated_gain_of_the_wrong_sign_is_no_matter_of_the_open_one(
+    first: float, refuted: bool
+) -> None:
+    """G - M C has the entry 1 - first in its first row, whatever L is."""
+    changes = {"observer__form": "cooperative", "observer__gains": {"M": [[first], [1.0]]}}
+    outcome = obsdesign.investigate(problem_with(**changes))
+    reasons = [
+        claim.evidence["witness"]["reason"] for claim in outcome.claims if claim.id == "attainable"
+    ]
+    assert any("jump matrix" in reason for reason in reasons) is refuted

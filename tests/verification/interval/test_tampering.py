@@ -162,3 +162,15 @@ def test_a_fraction_of_a_step_is_refused() -> None:
         ]
 
     assert verified(halved, periodic=True).verdict == "refuted"
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_bounds_without_a_bound_of_the_noise_are_refuted(periodic: bool) -> None:
+    def without(body: Any) -> None:
+        del body["problem"]["output"]["noise_bound"]
+
+    outcome = verified(without, periodic)
+    assert outcome.verdict == "refuted"
+    (claim,) = (claim for claim in outcome.claims if claim.id == "consistent")
+    assert claim.verdict == "refuted"
+    assert "output.noise_bound is required" in claim.evidence["witness"]["reason"]

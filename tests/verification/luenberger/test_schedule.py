@@ -226,3 +226,19 @@ def test_requests_that_cannot_be_met(changes: dict[str, Any], line: str) -> None
     with pytest.raises(obsdesign.InputError) as caught:
         obsdesign.design(problem(**changes))
     assert str(caught.value) == line
+
+
+def test_a_second_method_adds_no_boxes(design: obsdesign.Design) -> None:
+    certificate = {"dwell_stability": evidence(design, "dwell_stability")}
+    plain, again = (
+        next(
+            c
+            for c in claims(problem(), design.gains, certificate, paranoid=paranoid)
+            if "P_cells" in c.evidence
+        )
+        for paranoid in (False, True)
+    )
+    assert plain.verdict == again.verdict == "proved"
+    assert plain.evidence["pairs"] == 16
+    assert plain.evidence["boxes"] >= 16
+    assert again.evidence["boxes"] == plain.evidence["boxes"]

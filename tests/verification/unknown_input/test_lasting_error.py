@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +17,7 @@ from lmi.arithmetic.balls import exact
 from lmi.bounds.peak_gain import peak_gains
 from obsdesign.equations.unknown_input import formulas as equations
 from obsdesign.runtime import from_design
+from obsdesign.verification.unknown_input import lasting_error
 from obsdesign.verification.unknown_input.claims import claims
 from tests.systems.unknown_input import random_plant, unknown_input_problem
 
@@ -162,3 +166,37 @@ def test_the_first_state_is_checked() -> None:
         wrong = gains["first"] * (1 + change)
         assert verdicts(problem, gains | {"first": wrong})["consistent"] == "refuted"
     assert verdicts(problem, gains)["consistent"] == "proved"
+
+
+@pytest.mark.parametrize("rate", [1.0, 0.5, 4.0])
+def test_a_refuted_error_is_no_larger_than_the_true_one(rate: float) -> None:
+    """e' = -rate e + step x1 leaves step / rate: exact in floats, and a lower bound lies below."""
+    step = 2.0**-10
+    zero, one = np.zeros((1, 1)), np.ones((1, 1))
+    drives = equations.ErrorDrives(
+        error=equations.Drive(x=exact(step * one), u=exact(zero), d=exact(zero)),
+        state=equations.Drive(x=exact(zero), u=exact(zero), d=exact(zero)),
+        input=equations.Drive(x=exact(zero), u=exact(zero), d=exact(zero)),
+    )
+    matrices = SimpleNamespace(F=exact(-rate * one), X=exact(one), Q=exact(zero))
+    verdict = lasting_error._verdict(drives, matrices, 1.0)  # type: ignore[arg-type]
+    assert verdict.outcome == "refuted"
+    witness = verdict.evidence["witness"]
+    assert witness["estimate"] == "x1"
+    assert step / rate * (1 - 1e-8) < witness["error"] < step / rate
+
+
+@pytest.mark.parametrize("parts", [(0.1, 0.2, 0.3), (0.7, 0.0, 0.1), (0.3, 1e-17, 1e-17)])
+def test_a_proved_error_is_no_smaller_than_the_true_one(parts: tuple[float, ...]) -> None:
+    """Nothing drives e, and x, u and d of unit size enter the estimate with one sign."""
+    zero = np.zeros((1, 1))
+    x, u, d = (1e-10 * part * np.ones((1, 1)) for part in parts)
+    still = equations.Drive(x=exact(zero), u=exact(zero), d=exact(zero))
+    direct = equations.Drive(x=exact(x), u=exact(u), d=exact(d))
+    drives = equations.ErrorDrives(error=still, state=direct, input=still)
+    matrices = SimpleNamespace(F=exact(-np.ones((1, 1))), X=exact(zero), Q=exact(zero))
+    verdict = lasting_error._verdict(drives, matrices, 1.0)  # type: ignore[arg-type]
+    assert verdict.outcome == "proved"
+    bound = Fraction(verdict.evidence["bounds"]["state"])
+    true = sum(Fraction(part.item()) for part in (x, u, d))
+    assert true <= bound <= true * Fraction(1 + 3e-9)
