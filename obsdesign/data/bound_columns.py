@@ -56,7 +56,16 @@ class BoundColumns:
                 f"{name}: {', '.join(flow)} are not used with --skip-bad, since a line that is "
                 "skipped may have changed them; the declared bounds of b hold."
             )
-        return replace(self, unused="b")
+        return replace(self, unused=self.unused + "b")
+
+    def remark_on_folded(self, name: str, remark: Callable[[str], None], letters: str) -> None:
+        """A remark on the columns of these letters: they are of w, and this kind knows b or c."""
+        columns = self.declared.columns
+        if titles := [x for x in columns if x in self.places and x[0] in letters]:
+            remark(
+                f"{name}: {', '.join(titles)} are not used: with a disturbance_matrix they bound "
+                "w, and this kind uses the box around its effect."
+            )
 
 
 def remark_on_unused_bounds(

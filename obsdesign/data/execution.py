@@ -68,7 +68,7 @@ def execute(
     _refuse_events(observer, events)
     stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks = data or "standard input", list[str]()
-    layout = Layout.from_reads(observer.reads, observer.declared_bounds)
+    layout = Layout.from_design(signed, observer)
     after = -math.inf if stored is None else stored.t
     read = partial(read_samples, layout=layout, name=name, after=after)
     begin = partial(_begun, observer, stored, initial)

@@ -18,8 +18,9 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from obsdesign.column_names import data_columns, numbered
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
+from obsdesign.document import Design
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import Sample
+from obsdesign.runtime.base import Observer, Sample
 from obsdesign.runtime.bounds import DeclaredBounds
 
 Remark = Callable[[str], None]
@@ -36,7 +37,8 @@ def discard(text: str) -> None:
 class Layout:
     """Columns of a plant's data: numbers of measurements, known inputs, jump inputs; jumps.
 
-    bounds: declared ones that columns of a row may narrow, None where none are used.
+    bounds: declared ones that columns of a row may narrow, None where none are used; unused:
+    letters of those that stay as declared.
     """
 
     y: int
@@ -44,11 +46,32 @@ class Layout:
     w: int = 0
     jump: bool = False
     bounds: DeclaredBounds | None = None
+    unused: str = ""
 
     @staticmethod
-    def from_reads(reads: Mapping[str, int], bounds: DeclaredBounds | None = None) -> Layout:
+    def from_reads(reads: Mapping[str, int]) -> Layout:
         """The layout of the samples that an observer reads (`Observer.reads`)."""
-        return Layout(reads["y"], reads["u"], reads["w"], bool(reads["jump"]), bounds)
+        return Layout(reads["y"], reads["u"], reads["w"], bool(reads["jump"]))
+
+    @staticmethod
+    def from_design(design: Design, observer: Observer) -> Layout:
+        """The layout of the samples that the observer of a design reads, and their bounds.
+
+        Where b = Bw w or c = W w, columns are of w: an observer that has no use for the matrix
+        knows the box around b or c alone, which they do not narrow.
+        """
+        layout, bounds = Layout.from_reads(observer.reads), observer.declared_bounds
+        if bounds is None:
+            return layout
+        folded = [
+            letter
+            for letter, block, gain in (
+                ("b", "flow", "disturbance_matrix"),
+                ("c", "jump", "jump_disturbance_matrix"),
+            )
+            if "disturbance_matrix" in design.problem.get(block, {}) and gain not in design.gains
+        ]
+        return replace(layout, bounds=bounds, unused="".join(folded))
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -120,7 +143,9 @@ class _Header:
                 f"{name}: a header line with column 't', ... is required; the file is empty."
             )
         places = _places(titles, layout, name)
-        bounds = None if layout.bounds is None else BoundColumns(layout.bounds, places)
+        bounds = None
+        if layout.bounds is not None:
+            bounds = BoundColumns(layout.bounds, places, layout.unused)
         return cls(titles, places, layout, name, bounds)
 
     def sample(self, cells: list[str], where: str, previous: float) -> Sample:
@@ -158,6 +183,8 @@ class _Header:
                 f"plant has {outputs}. Is it the data of another plant?"
             )
         remark_on_unused_bounds(self.titles, self.layout.bounds, self.name, remark)
+        if self.bounds is not None:
+            self.bounds.remark_on_folded(self.name, remark, self.layout.unused)
 
 
 def _lines(stream: TextIO, name: str) -> Iterator[str]:

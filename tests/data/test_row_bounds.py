@@ -110,3 +110,40 @@ def test_bounds_of_b_are_not_used_where_lines_are_skipped(design: str, tmp_path:
     assert any("b1_lo, b1_hi are not used with --skip-bad" in x for x in remarks)
     plain, _ = estimate(design, tmp_path, data("x1", "0,1,0,0", "1,1,0,0"))
     assert skipped == plain
+
+
+@pytest.mark.parametrize("kind", ["interval", "set_membership"])
+@pytest.mark.parametrize("block", ["flow", "jump"])
+def test_bounds_of_what_a_matrix_spreads_are_those_of_w(
+    kind: str, block: str, tmp_path: Path
+) -> None:
+    """b = (3, 1) w, or c, with w = 0.1 known by columns: the truth stays in the bounds."""
+    body = obsdesign.load_problem(EXAMPLES / "degue_4_1.toml").to_dict()
+    spread = {"disturbance_matrix": [[3.0], [1.0]]}
+    body[block] |= spread | {"disturbance": {"lower": [-0.1], "upper": [0.1]}}
+    body["observer"] = {"kind": kind}
+    path = tmp_path / "spread.json"
+    obsdesign.design(obsdesign.Problem.from_dict(body)).save(path)
+    problem = obsdesign.Problem.from_dict(body)
+    A, G, C = problem.plant.flow.A, problem.plant.jump.G, problem.plant.output.C
+    x, letter, rows = np.array([1.0, 1.0]), block[0].replace("f", "b").replace("j", "c"), []
+    push, truth = 0.1 * np.array([3.0, 1.0]), [np.array([1.0, 1.0])]
+    for k in range(21):
+        if k:
+            drive = push if block == "flow" else 0 * push
+            for _ in range(200):
+                x = x + 0.0005 * (A @ x + drive)
+        y = float((C @ x)[0])
+        if k % 10 == 5:
+            x = G @ x + (push if block == "jump" else 0 * push)
+        rows.append(f"{0.1 * k!r},{y!r},{int(k % 10 == 5)},0.1,0.1")
+        truth.append(x)
+    text, remarks = estimate(str(path), tmp_path, data(f"{letter}1_lo,{letter}1_hi", *rows))
+    cells = [line.split(",") for line in text.splitlines()]
+    for x, row in zip(truth[1:], cells[1:], strict=True):
+        values = dict(zip(cells[0], row, strict=True))
+        for i in range(2):
+            assert float(values[f"x{i + 1}_lo"]) <= x[i] + 1e-3
+            assert x[i] - 1e-3 <= float(values[f"x{i + 1}_hi"])
+    used = not any("with a disturbance_matrix they bound w" in remark for remark in remarks)
+    assert used == (kind == "set_membership")

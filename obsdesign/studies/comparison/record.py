@@ -11,6 +11,7 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import numbered
 from obsdesign.data.records import Layout, read_columns, read_samples
 from obsdesign.data.simulation import default_until, simulate
+from obsdesign.document import Design
 from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
@@ -35,13 +36,13 @@ class ComparisonRecord:
         x, d = (None if truth is None else truth[:rows] for truth in (self.x, self.d))
         return replace(self, samples=self.samples[:rows], x=x, d=d)
 
-    def samples_for(self, observer: Observer) -> tuple[Sample, ...]:
+    def samples_for(self, design: Design, observer: Observer) -> tuple[Sample, ...]:
         """Samples as an observer reads them; of a file those that `run` gives it, with bounds."""
         if self.path is None:
             if observer.reads["jump"]:
                 return self.samples
             return tuple(sample._replace(jump=False) for sample in self.samples)
-        layout = Layout.from_reads(observer.reads, observer.declared_bounds)
+        layout = Layout.from_design(design, observer)
         with open(self.path, encoding="utf-8", newline="") as stream:
             return tuple(islice(read_samples(stream, layout, self.path), len(self.samples)))
 

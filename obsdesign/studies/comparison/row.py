@@ -53,7 +53,7 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
     observer = from_design(design)
     begin = start if design.kind in GIVING_BOUNDS else start.mean(axis=1)
-    samples = record.samples_for(observer)
+    samples = record.samples_for(design, observer)
     state = observer.start(samples[0].t, begin.reshape(-1).tolist())
     clock = time.process_time()
     estimates = list(estimates_of(observer, state, iter(samples)))
