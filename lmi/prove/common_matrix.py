@@ -34,7 +34,7 @@ from lmi.prove.tails import falling_forms
 from lmi.verdict import Verdict, proved, undecided
 
 METHODS = ("bernstein", "chords")
-STEP_LIMIT = 20_000
+BOX_LIMIT = 20_000
 
 
 def prove_common(
@@ -47,7 +47,7 @@ def prove_common(
     method: str = "bernstein",
     form: str = "before_jump",
     gamma: float = 1.0,
-    steps: int = STEP_LIMIT,
+    steps: int = BOX_LIMIT,
 ) -> Verdict:
     """Prove P > 0 and M(theta)' P M(theta) < gamma^2 P for all theta in a range.
 
@@ -70,7 +70,7 @@ def prove_common(
     return prove(condition, method=method, steps=steps)
 
 
-def prove(condition: Condition, *, method: str = "bernstein", steps: int = STEP_LIMIT) -> Verdict:
+def prove(condition: Condition, *, method: str = "bernstein", steps: int = BOX_LIMIT) -> Verdict:
     """One condition for all its theta, balanced; precision is raised before giving up."""
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")

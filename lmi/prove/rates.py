@@ -21,7 +21,7 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, rank_factors, to_float
 from lmi.families import Edge, slack
-from lmi.prove.common_matrix import STEP_LIMIT, prove_common
+from lmi.prove.common_matrix import BOX_LIMIT, prove_common
 from lmi.prove.windows_proof import prove_windows
 from lmi.verdict import Verdict, proved, undecided
 
@@ -125,7 +125,7 @@ def prove_rates(
     rates: Rates,
     jitter: float = math.inf,
     own: Entries | None = None,
-    steps: int = STEP_LIMIT,
+    steps: int = BOX_LIMIT,
 ) -> Verdict:
     """Both rates for all theta in [low, high], in balls; proved or undecided.
 
@@ -155,7 +155,7 @@ def prove_rate(
     rates: Rates,
     name: str,
     jitter: float = math.inf,
-    steps: int = STEP_LIMIT,
+    steps: int = BOX_LIMIT,
 ) -> Verdict:
     """The rate `name` ("per_jump" or "in_time") alone, with a P or with windows."""
     flow, gamma = exact(F), 1.0

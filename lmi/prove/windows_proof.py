@@ -32,7 +32,7 @@ from lmi.arithmetic.balls import (
     precision,
     rank_factors,
 )
-from lmi.prove.common_matrix import STEP_LIMIT, prove
+from lmi.prove.common_matrix import BOX_LIMIT, prove
 from lmi.prove.condition import Condition
 from lmi.prove.window_partition import Certificate, Edge, Unreadable, read_certificate
 from lmi.verdict import Verdict, proved, undecided
@@ -48,7 +48,7 @@ def prove_windows(
     jitter: float = math.inf,
     gamma: float = 1.0,
     method: str = "bernstein",
-    steps: int = STEP_LIMIT,
+    steps: int = BOX_LIMIT,
 ) -> Verdict:
     """Prove decrease along all sequences of theta in [low, high] with steps up to `jitter`.
 

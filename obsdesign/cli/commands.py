@@ -1,7 +1,7 @@
 """The command line: parse, one call, print. Heavy imports stay inside the commands.
 
 Exit codes: 0 proved or done, 1 refuted, 2 bad input or usage, 3 undecided, 4 `run --strict` with a
-row that is not ok, 70 internal error.
+row that is not ok, 70 internal error, 130 interrupted, 141 output closed.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from obsdesign.analysis.set_membership.requirements import pattern_of
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.rates import six_digits
+from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
@@ -19,10 +20,6 @@ _ENCLOSURE = (
 _CONTRADICTION = (
     "Bounds that cross prove that plant, declared bounds and data contradict each other; the "
     "samples whose multipliers prove it are named."
-)
-_ROUNDING = (
-    "Widths are those of exact arithmetic and exact time stamps: what rounding and half an ulp of "
-    "a time stamp add is inside the bounds, and widens them."
 )
 _NUMBERS = ("width", "best", "ratio")
 
@@ -36,7 +33,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     if None not in widths:
         above = _shown(widths, ROUND_CEILING)
         text = f"With {pattern_of(problem.plant)}, the width after a row comes to at most {above}."
-        sentences += [(text, ["width"]), (_ROUNDING, ["width"])]
+        sentences += [(text, ["width"]), (ROUNDED_WIDTHS, ["width"])]
         if None not in best:
             least, times = _shown(best, ROUND_FLOOR), _shown(ratio, ROUND_CEILING)
             text = (
