@@ -52,7 +52,8 @@ def riccati_gain(
         one = {"state": [1.0] * n, "output": [1.0] * p}
         L = riccati_gain(A / pace, C / size[:, None], one, rate / pace)
         return np.asarray(pace * L / size, dtype=np.float64)
-    state, deviations = np.array(weights["state"]), np.sqrt(np.array(weights["output"]))
+    state = np.array(weights.get("state", np.ones(n)))
+    deviations = np.sqrt(np.array(weights.get("output", np.ones(p))))
     shifted = A + riccati_shift(A, C, rate) * np.eye(n)
     with np.errstate(all="ignore"):  # overflow in there shows in the result
         L = kalman_gain(shifted, C / deviations[:, None], np.diag(state)) / deviations
