@@ -6,6 +6,7 @@ no coefficient does.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,29 +20,34 @@ from lmi.arithmetic.balls import (
     characteristic_polynomial,
     nearest_float,
     rational,
-    to_float,
 )
 from lmi.arithmetic.polynomials import divided, product
 from obsdesign.problem.options import Pole
 
 # relative distance of coefficients of polynomials that counts as none
 TOLERANCE = 1e-5
-# a pole at 0 counts as this part of the largest one
-_SIZE_OF_ZERO = 2.0**-20
+# the same of coefficients that are 0 for the stated poles, and what rounding alone leaves
+ROUNDING = 1e-12
+# where rounding a gain leaves more than this, no three digits are left: the poles are not placed
+LARGEST_GAP = 1e-3
+# parts of the largest coefficient of the other factor that its zeros count as
+_LEAST = 2.0**-20
 
 
 @dataclass(frozen=True)
 class Gap:
     """Worst coefficient of a characteristic polynomial against that of stated poles.
 
-    relative: its distance, in parts of the same coefficient of the product of s + |pole|; degree:
-    its power of s; is_rounding: every coefficient is within `TOLERANCE`, or within what the
-    rounding of gains to binary64 may change.
+    relative: its distance, in parts of the same coefficient of the product of s + |pole|, where a
+    pole at 0 counts as `size_of_zero`; degree: its power of s; is_rounding: every coefficient is
+    within `TOLERANCE` (`ROUNDING` where it is 0 for the stated poles), or exceeds that by no more
+    than the rounding of gains to binary64 may change.
     """
 
     relative: float
     degree: int
     is_rounding: bool
+    size_of_zero: float
 
 
 def with_conjugates(poles: Sequence[Pole]) -> NDArray[np.complex128]:
@@ -74,33 +80,51 @@ def real_factors(poles: Sequence[Pole]) -> list[list[Rational]]:
     return linear + pairs
 
 
-def gap(F: Exact, poles: Sequence[Pole], changes: Iterable[Exact] = ()) -> Gap:
+def gap(
+    F: Exact, poles: Sequence[Pole], changes: Iterable[Exact] = (), *, flow: Exact | None = None
+) -> Gap:
     """How far F (n, n) is from having the poles among its eigenvalues, decided exactly.
 
     The remainder of det(s I - F) after division by the polynomial of the poles; n poles at most.
-    changes: (n, n) each, what the rounding of one gain adds to F.
+    changes: (n, n) each, what the rounding of one gain adds to F; flow: the plant's (n, n), whose
+    unit of time is that of poles at 0 alone.
     """
-    values = with_conjugates(poles)
-    pace = float(np.abs(values).max(initial=0.0))
-    # poles at 0 alone state no unit of time in which a distance could count as none
-    tolerance = rational(TOLERANCE if pace else 0.0)
-    largest = pace or float(np.abs(to_float(F)).max()) or 1.0
-    sizes = [float(abs(v)) or _SIZE_OF_ZERO * largest for v in values.tolist()]
     stated = product(real_factors(poles))
+    values = with_conjugates(poles).tolist()
+    zero = max(map(abs, values)) or _pace(F if flow is None else flow) or _pace(F) or 1.0
+    whole = product([[rational(abs(v) or zero), rational(1.0)] for v in values])
     quotient, remainder = divided(characteristic_polynomial(F), stated)
-    whole = product([[rational(size), rational(1.0)] for size in sizes])
-    least = rational(_SIZE_OF_ZERO) * max(abs(c) for c in quotient)
+    least = rational(_LEAST) * max(abs(c) for c in quotient)
     scale = product([whole, [abs(c) or least for c in quotient]])
     room = [0 * c for c in remainder]
     for change in changes:
         _, other = divided(characteristic_polynomial(F + change), stated)
         room = [r + abs(b - a) for r, a, b in zip(room, remainder, other, strict=True)]
-    parts = [(abs(c) / s, r / s) for c, r, s in zip(remainder, room, scale, strict=False)]
-    degree = max(range(len(parts)), key=lambda k: parts[k][0])
-    is_rounding = all(part <= tolerance + space for part, space in parts)
-    return Gap(nearest_float(parts[degree][0]), degree, is_rounding)
+    parts = [abs(c) / s for c, s in zip(remainder, scale, strict=False)]
+    degree = max(range(len(parts)), key=lambda k: parts[k])
+    # the coefficients of lower powers than the number of poles at 0 are 0
+    zeros = values.count(0)
+    is_rounding = all(
+        part <= rational(ROUNDING if k < zeros else TOLERANCE) + room[k] / scale[k]
+        for k, part in enumerate(parts)
+    )
+    return Gap(nearest_float(parts[degree]), degree, is_rounding, zero)
 
 
 def complex_text(value: complex) -> str:
     """Text of a mode, with its conjugate."""
     return f"{value.real:.6g}" + (f" +- {abs(value.imag):.6g}i" if value.imag else "")
+
+
+def _pace(F: Exact) -> float:
+    """Size of the eigenvalues of F, to a factor, from its polynomial; 0 where all are 0.
+
+    A power of two: that of the largest coefficient, each to the power that makes it a rate.
+    """
+    coefficients = characteristic_polynomial(F)[:-1]
+    bits = [
+        math.ceil((int(c.p).bit_length() - int(c.q).bit_length()) / (len(F) - k))
+        for k, c in enumerate(coefficients)
+        if c
+    ]
+    return 2.0 ** min(max(bits), 1000) if bits else 0.0

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +23,17 @@ from lmi.arithmetic.balls import (
     to_float,
 )
 from obsdesign.analysis.balancing import balancing_units
-from obsdesign.analysis.hidden_modes import approx_unobservable_modes
+from obsdesign.analysis.hidden_modes import Mode, approx_unobservable_modes, hidden_part
 from obsdesign.analysis.riccati import riccati_shift
-from obsdesign.analysis.stated_poles import complex_text, gap, real_factors, with_conjugates
+from obsdesign.analysis.stated_poles import (
+    LARGEST_GAP,
+    ROUNDING,
+    TOLERANCE,
+    complex_text,
+    gap,
+    real_factors,
+    with_conjugates,
+)
 from obsdesign.entries import LARGEST
 from obsdesign.errors import InputError
 from obsdesign.problem.options import Pole
@@ -31,8 +42,6 @@ from obsdesign.problem.options import Pole
 _PRECISIONS = (256, 1024, 4096, 16384)
 # widths of an entry of L: relative to itself, and to the largest entry
 _NARROW, _ZERO = 2.0**-60, 2.0**-110
-# a relative error of the poles' polynomial that needs no correction
-_ACCURATE = 1e-12
 
 
 def riccati_gain(
@@ -97,47 +106,132 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
     """L, (n, p), with the eigenvalues of A - L C at `poles`: numbers or pairs [real, imaginary].
 
     With one output there is one such L, computed in balls and rounded once. With several a robust
-    one is chosen in floats, in units that balance the plant, and then corrected likewise.
-    InputError when their number is wrong, a complex one lacks its conjugate, or a mode is
-    unobservable (no gain moves its eigenvalue).
+    one is chosen in floats, in units that balance the plant, and then corrected likewise; without
+    a robust one, they are combined into one. InputError when the number of poles is wrong, a
+    complex one lacks its conjugate, a mode is unobservable (no gain moves its eigenvalue), or
+    rounding L to floats leaves the poles elsewhere.
     """
-    wanted = _poles(poles, len(A))
-    sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
-    shown = C * sizes
-    rows = np.linalg.norm(shown, axis=1)
-    rows = np.where(rows > 0, rows, 1.0)
-    balanced, C_unit = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
-    hidden = approx_unobservable_modes(balanced, C_unit)
-    L = None
-    if len(C) > 1 and not hidden:
-        L = _robust_gain(balanced, C_unit, wanted / pace)
-    if L is not None:
-        L = L * sizes[:, None] * pace / rows
-        return _admissible(_corrected_gain(A, C, poles, L, sizes=sizes, rows=rows))
-    w = _mixture(rows)
-    column = _unique_gain(exact(A), exact(w[None]) @ exact(C), poles, sizes)
-    if column is not None:
-        return _admissible(column * w)
-    if hidden:
-        mode = complex_text(hidden[0].eigenvalue * pace)
+    wanted = with_conjugates(poles)
+    _refuse_unplaceable(A, C, len(wanted))
+    plant = _Placement.from_plant(A, C, poles)
+    L, miss = None, math.inf
+    for other, enough in plant.gains(wanted):
+        distance = plant.miss(other)
+        if L is None or distance < miss:
+            L, miss = other, distance
+        if miss <= enough:
+            break
+    if L is None:
         raise InputError(
-            f"observer.poles: the mode {mode} of flow.A cannot be moved, since output.C does not "
-            "see it; leave poles out."
+            "observer.poles cannot be placed: floats do not resolve how output.C sees the plant; "
+            "are the units right?"
         )
-    raise InputError(
-        "observer.poles cannot be placed: floats do not resolve how output.C sees the plant; are "
-        "the units right?"
-    )
-
-
-def _admissible(L: Matrix) -> Matrix:
-    """L, which may be given too; InputError where its entries exceed those of a problem."""
     if not np.abs(L).max() <= LARGEST:
         raise InputError(
             f"observer.poles need a gain with an entry of {np.abs(L).max():.3g}, and at most "
             f"{LARGEST:g} is admissible: poles nearer to those of flow.A, or another unit of time."
         )
+    if miss > LARGEST_GAP:
+        raise InputError(
+            f"observer.poles cannot be placed: rounding the gain to floats moves a coefficient of "
+            f"their polynomial by {miss:.2g} times its size, and at most {LARGEST_GAP:g} counts as "
+            f"placed; {plant.likely_cause()}."
+        )
     return L
+
+
+def _refuse_unplaceable(A: Matrix, C: Matrix, count: int) -> None:
+    """InputError where this is not the number of poles, or a mode of A is exactly unobservable."""
+    if count != len(A):
+        raise InputError(
+            f"observer.poles must give {len(A)} poles, one per state (a pair [re, im] counts with "
+            f"its conjugate); got {count}."
+        )
+    hidden = hidden_part([A], C)
+    if hidden is None:
+        return
+    modes = np.linalg.eigvals(to_float(hidden.maps[0])).tolist()
+    mode = complex_text(max(modes, key=lambda value: float(value.real)))
+    raise InputError(
+        f"observer.poles: the mode {mode} of flow.A cannot be moved, since output.C does not see "
+        "it; leave poles out."
+    )
+
+
+@dataclass(frozen=True)
+class _Placement:
+    """A plant A (n, n), C (p, n), poles to place, and the units in which it is balanced.
+
+    sizes (n,) of the states, pace of time, rows (p,) of the outputs.
+    """
+
+    A: Matrix
+    C: Matrix
+    poles: Sequence[Pole]
+    sizes: Matrix
+    pace: float
+    rows: Matrix
+
+    @classmethod
+    def from_plant(cls, A: Matrix, C: Matrix, poles: Sequence[Pole]) -> _Placement:
+        """With its units."""
+        sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
+        # one output alone is taken as it is, so that its gain is rounded once
+        rows = np.linalg.norm(C * sizes, axis=1) if len(C) > 1 else np.zeros(1)
+        return cls(A, C, poles, sizes, pace, np.where(rows > 0, rows, 1.0))
+
+    def gains(self, wanted: NDArray[np.complex128]) -> Iterator[tuple[Matrix, float]]:
+        """Yield gains in order of preference, and with each the `miss` that needs no other one.
+
+        wanted (n,): the poles. A repeated one and a flow with several eigenvectors to an eigenvalue
+        need the last of them: no combination of the outputs sees that flow A, but one sees
+        A - L0 C for every L0 outside a set of measure zero (Heymann's lemma).
+        """
+        starts = [np.zeros((len(self.A), len(self.C)))]
+        if len(self.C) > 1:
+            unit = self.sizes[:, None] * self.pace / self.rows
+            robust = None if self.hidden else _robust_gain(*self.balanced, wanted / self.pace)
+            if robust is not None:
+                starts.insert(0, robust * unit)
+                yield starts[0], ROUNDING
+            starts.append(unit * np.random.default_rng(0).uniform(-1.0, 1.0, unit.shape))
+        for start in starts:
+            L = self.corrected(start)
+            if L is not None:
+                yield L, TOLERANCE
+
+    @property
+    def balanced(self) -> tuple[Matrix, Matrix]:
+        """A and C in the units."""
+        A = self.A * self.sizes / self.sizes[:, None] / self.pace
+        return A, self.C * self.sizes / self.rows[:, None]
+
+    @cached_property
+    def hidden(self) -> list[Mode]:
+        """Modes that are unobservable, or nearly."""
+        return approx_unobservable_modes(*self.balanced)
+
+    def corrected(self, L: Matrix) -> Matrix | None:
+        """L + l w' with the poles exactly but for rounding, w' C one output; None: unobservable."""
+        w = np.exp2(-np.arange(len(self.rows)) / 2) / self.rows
+        flow = exact(self.A) - exact(L) @ exact(self.C)
+        column = _unique_gain(flow, exact(w[None]) @ exact(self.C), self.poles, self.sizes)
+        return None if column is None else L + column * w
+
+    def miss(self, L: Matrix) -> float:
+        """How far A - L C is from the poles, as `gap` measures it; inf where L is inadmissible."""
+        if not np.abs(L).max() <= LARGEST:
+            return math.inf
+        flow = exact(self.A)
+        return gap(flow - exact(L) @ exact(self.C), self.poles, flow=flow).relative
+
+    def likely_cause(self) -> str:
+        """Why rounding a gain takes the poles elsewhere, and what may help."""
+        if self.hidden:
+            mode, margin = self.hidden[0].eigenvalue * self.pace, self.hidden[0].margin
+            text = f"output.C hardly sees the mode {complex_text(mode)} of flow.A"
+            return f"{text} (relative {margin:.2g}): leave poles out"
+        return "the poles are far from those of flow.A, or output.C hardly sees some mode of it"
 
 
 def _unique_gain(A: Exact, c: Exact, poles: Sequence[Pole], sizes: Matrix) -> Matrix | None:
@@ -165,7 +259,7 @@ def _unique_gain(A: Exact, c: Exact, poles: Sequence[Pole], sizes: Matrix) -> Ma
                 column = sum(k * power for k, power in zip(factor, powers, strict=True))
             L = _rounded(column, sizes, usual)
         if L is not None:
-            return L if np.isfinite(L).all() else None
+            return L
     return None
 
 
@@ -190,29 +284,6 @@ def _rounded(column: Exact, sizes: Matrix, usual: float) -> Matrix | None:
     return np.array(middles, dtype=np.float64)[:, None]
 
 
-def _corrected_gain(
-    A: Matrix, C: Matrix, poles: Sequence[Pole], L: Matrix, *, sizes: Matrix, rows: Matrix
-) -> Matrix:
-    """L (n, p), or L + l w' with the poles exactly but for rounding, whichever comes nearer."""
-    flow, outputs = exact(A), exact(C)
-    error = flow - exact(L) @ outputs
-    before = gap(error, poles).relative
-    if before <= _ACCURATE:
-        return L
-    w = _mixture(rows)
-    column = _unique_gain(error, exact(w[None]) @ outputs, poles, sizes)
-    if column is None:
-        return L
-    corrected = L + column * w
-    after = gap(flow - exact(corrected) @ outputs, poles).relative
-    return corrected if after < before else L
-
-
-def _mixture(rows: Matrix) -> Matrix:
-    """Weights (p,) of the outputs, of sizes `rows`, in one output that sees what they see."""
-    return np.asarray(np.exp2(-np.arange(len(rows)) / 2) / rows if len(rows) > 1 else [1.0])
-
-
 def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix | None:
     """Gain of a method that wants independent outputs, and no pole more often; None elsewhere."""
     from scipy.signal import place_poles
@@ -223,14 +294,5 @@ def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix 
             placed = place_poles(A.T, C.T, poles)
     except ValueError:
         return None
-    return np.asarray(placed.gain_matrix.T, dtype=np.float64)
-
-
-def _poles(poles: Sequence[Pole], n: int) -> NDArray[np.complex128]:
-    values = with_conjugates(poles)
-    if len(values) != n:
-        raise InputError(
-            f"observer.poles must give {n} poles, one per state (a pair [re, im] counts with its "
-            f"conjugate); got {len(values)}."
-        )
-    return values
+    L = np.asarray(placed.gain_matrix.T, dtype=np.float64)
+    return L if np.isfinite(L).all() else None

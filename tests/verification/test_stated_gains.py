@@ -28,7 +28,7 @@ ILL: dict[str, tuple[Any, Any, Any]] = {
     "longer chain": (
         (np.diag([-3.1, 1.2, 1.9, 0.7, 2.5, 1.1]) + np.diag(np.ones(5), 1)).tolist(),
         [[1.0, 0, 0, 0, 0, 0]],
-        [-0.01, -0.011, -0.012, -0.013, -0.014, -0.015],
+        [-0.1, -0.11, -0.12, -0.13, -0.14, -0.15],
     ),
     "equal poles": (
         (np.diag([2.0, -1.0, 0.5]) + np.diag(np.ones(2), 1)).tolist(), [[1.0, 0, 0]], [-1, -1, -1],
@@ -297,6 +297,9 @@ def test_poles_at_zero_alone_are_those_of_rounding_alone() -> None:
         ([[0, 1], [0, 0]], [[1, 0], [2, 0]], [-1, -2]),  # a sensor twice
         ([[0, 1], [0, 0]], [[1, 0], [0, 0]], [-1, -2]),  # a sensor that is off
         ([[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[1, 0, 0], [0, 1, 0]], [-1, -1, -1]),
+        # no one combination of the outputs sees both equal modes
+        (np.diag([0, 0, -1]).tolist(), [[1, 0, 1], [0, 1, 1]], [-2, -2, -2]),
+        (np.diag([0, 0, -1, -1]).tolist(), [[1, 0, 1, 0], [0, 1, 0, 1]], [-2, -2, -2, -3]),
     ],
 )
 def test_poles_are_placed_wherever_the_outputs_together_see_the_state(

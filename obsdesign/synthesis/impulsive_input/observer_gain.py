@@ -13,6 +13,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.equations.impulsive_input.curve import balanced_size
+from obsdesign.errors import InputError
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.given_gains import refuse_second_choice
@@ -48,8 +49,8 @@ def observer_gain(problem: Problem, window: float) -> Matrix:
 def _default_gain(problem: Problem, window: float) -> Matrix:
     """K with real distinct poles; zero where a mode is unobservable, which a claim refutes.
 
-    Also zero where some direction is nearly unobservable, so that K is immense, and the plant is
-    stable by itself.
+    Also zero where some direction is nearly unobservable: K is beyond floats, or it is immense and
+    the plant is stable by itself.
     """
     A, C = problem.plant.flow.A, problem.plant.output.C
     if approx_unobservable_modes(A, C):
@@ -59,7 +60,10 @@ def _default_gain(problem: Problem, window: float) -> Matrix:
     for speed in speeds.tolist():
         wanted = max(_SPEED_RATIO * speed, 1.0 / window)
         poles.append(max(wanted, _POLE_RATIO * poles[-1]) if poles else wanted)
-    K = placed_gain(A, C, [-pole for pole in poles])
+    try:
+        K = placed_gain(A, C, [-pole for pole in poles])
+    except InputError:  # about poles that no problem states
+        return np.zeros((problem.plant.n, problem.plant.p))
     is_immense = balanced_size(A - K @ C) > _LARGEST_SPEED_RATIO * max(
         balanced_size(A), 1.0 / window
     )

@@ -115,7 +115,8 @@ def _choice_of_L(problem: Problem, gains: LuenbergerGains, F: Exact) -> Iterator
     if options.poles is not None:
         changes = stated_poles.rounding_of_gain(gains.L, gains.C)
         rate = options.decay_rate if must_decay else None
-        yield stated_poles.poles_claim(F, options.poles, changes=changes, rate=rate)
+        A = exact(gains.A)
+        yield stated_poles.poles_claim(F, options.poles, changes=changes, flow=A, rate=rate)
     if options.weights:
         rates = faster_rates(gains.A, options.decay_rate)
         shifts = [riccati_shift(gains.A, gains.C, rate) for rate in rates]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.synthesis.impulsive_input.observer_gain import observer_gain
 from obsdesign.synthesis.placement import riccati_gain
 from tests.systems.impulsive_input import CHAIN
 
@@ -56,6 +57,21 @@ def test_weights_give_the_gain_of_a_kalman_filter(outputs: Any) -> None:
     flow = np.kron(np.eye(3), A) + np.kron(A, np.eye(3))
     S = np.linalg.solve(flow, (K @ R @ K.T - Q).ravel()).reshape(3, 3)
     np.testing.assert_allclose(S @ C.T, K @ R, atol=1e-9)
+
+
+def test_without_poles_none_is_refused() -> None:
+    """By default zero where floats hold no gain; its twin has one."""
+    C = np.ones((1, 6))
+    for distance, has_gain in ((1e-3, False), (0.5, True)):
+        A = np.diag(1 + distance * np.arange(6)) / 100
+        body = {
+            "flow": {"A": A.tolist()},
+            "jump": {"H": np.eye(6)[:, -1:].tolist(), "dwell_time": [200.0, "inf"]},
+            "output": {"C": C.tolist()},
+            "observer": {"kind": "impulsive_input"},
+        }
+        K = observer_gain(obsdesign.Problem.from_dict(body), 200.0)
+        assert K.any() == has_gain
 
 
 def test_a_pole_that_does_not_decay_is_refuted() -> None:
