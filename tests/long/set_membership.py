@@ -21,13 +21,16 @@ from pathlib import Path
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import UNIT
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.state import SetMembershipState
-from tests.systems.set_membership import Case, observer_of, random_case
+from tests.systems.set_membership import Case, Record, observer_of, random_case
 
 # the simulated truth is rounded, relative to the size of the state
 _ROUNDING = 1e-11
+# a record ends where y is rounded to more than that part of the noise, which is declared larger
+_NOISE_ROUNDING = 1e-6
 _CHUNK = 100
 
 
@@ -54,25 +57,35 @@ def violations(own: Case, start: float, seed: int) -> tuple[int, int, float, boo
     record = own.record(extreme=bool(rng.random() < 0.7))
     window = int(rng.integers(4, 9)) if rng.random() < 0.7 else int(rng.integers(1, 17))
     steps = int(rng.integers(1, 6)) if rng.random() < 0.8 else 20  # few are as sound, and faster
-    observer = observer_of(own, window, steps=steps)
+    declared = replace(own, V=own.V * (1 + _NOISE_ROUNDING))
+    observer = observer_of(declared, window, steps=steps)
     state = observer.init(start, lower=own.x0[0], upper=own.x0[1])
-    samples = record.samples
+    samples = record.samples[: _exact_rows(own, record)]
     if start:  # the truth is about the stored time stamps
         stamps = [start + s.t for s in samples]
         own = replace(own, times=np.subtract(stamps[1:], start))
         record = own.record(extreme=True)
+        rows = min(len(stamps), _exact_rows(own, record))
         samples = tuple(
-            s._replace(t=t) for s, t in zip(record.samples, stamps, strict=True)
+            s._replace(t=t) for s, t in zip(record.samples[:rows], stamps, strict=False)
         )  # fmt: skip
     estimates = _run(observer, state, samples, rng)
     boxes = np.array([[e.lower, e.upper] for e in estimates])
-    excess = np.maximum(boxes[:, 0] - record.truth, record.truth - boxes[:, 1])
-    size = np.maximum.accumulate(np.abs(record.truth), axis=0)
+    truth = record.truth[: len(boxes)]
+    excess = np.maximum(boxes[:, 0] - truth, truth - boxes[:, 1])
+    size = np.maximum.accumulate(np.abs(truth), axis=0)
     outside = (excess > _ROUNDING * size).any(axis=1)
     width: Matrix = boxes[:, 1] - boxes[:, 0]
     part = float(np.max(excess / np.where(width > 0, width, np.inf)))
     crossed = any("bounds crossed" in e.status for e in estimates)
     return len(samples), int(outside.sum()), part, crossed
+
+
+def _exact_rows(own: Case, record: Record) -> int:
+    """Rows up to the one whose measurement is rounded to a part of the noise that matters."""
+    size = 8 * UNIT * (np.abs(record.truth) @ np.abs(own.C).T)
+    is_rounded = ((own.V > 0) & (size > _NOISE_ROUNDING * own.V)).any(axis=1)
+    return int(is_rounded.argmax()) if is_rounded.any() else len(record.truth)
 
 
 def _run(
