@@ -70,7 +70,7 @@ def condensed(window: Window, targets: Targets) -> Condensed:
 
 
 def _generators(window: Window) -> tuple[list[Matrix], list[int]]:
-    """(blocks (n, columns) of every stage, their numbers of columns): its generators, then a box.
+    """Generators of every stage, blocks (n, columns), then a box; their numbers of columns.
 
     The box is left out where the generators, a little longer, contain it too.
     """
@@ -89,7 +89,7 @@ def _generators(window: Window) -> tuple[list[Matrix], list[int]]:
 
 
 def _longer(needed: Matrix, radius: Matrix) -> Matrix | None:
-    """Factors of generators with such radii that make them contain a box; None if large."""
+    """Factors with which generators of such radii contain a box; None if large."""
     if not (needed <= _LONGEST * radius).all():
         return None
     return np.asarray(1.0 + needed / np.where(radius > 0.0, radius, 1.0))

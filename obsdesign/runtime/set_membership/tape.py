@@ -1,4 +1,4 @@
-"""The tape: the stages that bounds look back at, and what a measurement alone makes of a box."""
+"""The tape: stages that bounds look back at, and what a measurement alone makes of a box."""
 
 from __future__ import annotations
 
