@@ -86,9 +86,10 @@ class SetMembershipOptions(Options):
     )
     steps: int = option(
         whole_number(1, 50),
-        "Interior point steps of the search for multipliers in each row; default 8.",
+        "Interior point steps of the search for multipliers in a row, at most: it ends where the "
+        "duality gap is below a thousandth of the width; default 20.",
         whole=True,
-        default=8,
+        default=20,
     )
     fixed_lag: int | None = option(
         _WINDOW_STAGES,

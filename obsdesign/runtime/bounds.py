@@ -90,12 +90,17 @@ class DeclaredBox:
             for end, value in (("lo", low), ("hi", high)):
                 if not least <= value <= most:
                     return (
-                        f"{title}_{end} must be within the declared bounds [{least!r}, {most!r}]; "
-                        f"got {value!r}."
+                        f"{title}_{end} must be within the declared bounds "
+                        f"[{_as_stated(least)}, {_as_stated(most)}]; got {value!r}."
                     )
             if low > high:
                 return f"{title}_lo must not exceed {title}_hi; got {low!r} above {high!r}."
         raise AssertionError("these bounds are inside the declared ones")
+
+
+def _as_stated(end: float) -> str:
+    """An end of declared bounds as a file states it: without the rounding of `declared_noise`."""
+    return repr(float(f"{end:.15g}"))
 
 
 def declared_noise(V: Matrix, centre: Matrix | None) -> DeclaredBox:

@@ -207,7 +207,7 @@ ROW_SUMS = {
 }  # fmt: skip
 
 
-def observer_of(case: Case, window: int, steps: int = 8, **entries: Any) -> SetMembershipObserver:
+def observer_of(case: Case, window: int, steps: int = 20, **entries: Any) -> SetMembershipObserver:
     """The multiplier observer of a plant."""
     gains = SetMembershipGains.from_plant(case.plant, window=window, steps=steps, **entries)
     return SetMembershipObserver(gains)

@@ -1,7 +1,8 @@
 """The nominal pattern of samples and jumps, for which a width can be stated before any data.
 
 Samples every period, jumps as early as the dwell time allows: at the first sample after it, or at
-the shortest dwell time where y is known at jumps only.
+the shortest dwell time where y is known at jumps only. With jump_measurement "none" at least one
+sample falls between two jumps.
 """
 
 from __future__ import annotations
@@ -86,8 +87,11 @@ def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:
     rows = low / gains.period * (1 - _EQUAL)
     if rows > MOST_STEPS:
         return f"more than {MOST_STEPS} samples fall between two jumps"
-    rows = max(math.ceil(rows), 1)
+    # a jump that hides the sample of its row leaves none if there is one in every row
+    rows = max(math.ceil(rows), 2 if when == "none" else 1)
     if rows * gains.period > high * (1 + _EQUAL):
+        if when == "none" and gains.period <= high * (1 + _EQUAL):
+            return "every sample falls on a jump, and output.jump_measurement is none"
         return "no multiple of the period is a dwell time"
     plain = Step(gains.period, False, True, True)
     last = Step(gains.period, False, when == "before", False)

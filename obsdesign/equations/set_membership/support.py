@@ -15,9 +15,8 @@ the integral of |g| over the piece follow:
     |p'F0| + (l1 + l2 d/2) d^2/4         g has a slope of at most l1 + l2 d/2
     [integral of |l0 + l1 s|] + l2 d^3/24
 
-A fourth, |p|'E0, serves pieces that are long for the flow: |e^{A s} b_j| <= e^{Mz(A) s} |b_j|,
-where Mz keeps the diagonal and takes absolute values elsewhere, so that E0 = |e^{A s_0}| int
-e^{Mz(A) s} ds |b_j| with s_0 the start of the piece and the integral over its length.
+A fourth, |p|'E0, serves pieces that are long for the flow: E0 >= |e^{A s_0}| int |e^{A s} b_j| ds
+with the start s_0 of the piece, over its length.
 """
 
 from __future__ import annotations

@@ -95,7 +95,7 @@ def support(window: Window, q: Matrix) -> Matrix:
     high = exact + error
     l0 = (exact[:, :, 1] - error[:, :, 1], high[:, :, 1])
     terms = piece_bound(high[:, :, 0], l0, high[:, :, 2], sizes[:, :, 0], window.length)
-    # over long pieces the Taylor terms overflow, and the comparison system does not
+    # over long pieces the Taylor terms overflow, and the sizes of the flow do not
     terms = np.fmin(terms, sizes[:, :, 1] * (1.0 + 8 * n * UNIT))
     result: Matrix = (terms * window.radius).sum(axis=(0, 2, 3))
     return result
@@ -107,7 +107,7 @@ def _residuals(window: Window, targets: Targets, p: Matrix, q: Matrix, mu: Matri
     flows = (np.abs(q) @ window.phi_error) * window.sizes[:-1, None]
     entering = np.abs(p[1:]) + np.abs(mu).transpose(1, 0, 2) @ np.abs(window.C)
     # exact where there is neither a sample nor an l that enters an earlier p
-    is_rounded = window.sampled[:, None] & mu.any(axis=2).T
+    is_rounded = mu.any(axis=2).T
     places, size = targets.places, np.abs(targets.rows)
     is_entering = places[None, :] == np.arange(len(q))[:, None]
     inside = is_entering & (places != len(q) - 1)[None, :]

@@ -14,6 +14,8 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.units import balance
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 
+_SUBNORMAL = 1e-290
+
 
 @dataclass(frozen=True)
 class Disturbance:
@@ -99,3 +101,16 @@ def _is_exact(gains: SetMembershipGains, model: Model) -> bool:
         if gains.E is not None:
             pairs.append((model.jump_inputs / column, gains.E))
     return all(np.array_equal(back, own) for back, own in pairs)
+
+
+def unscaled(box: Matrix, scales: Matrix) -> Matrix:
+    """Bounds of x from those of z: exact unless they underflow."""
+    return rescaled(box, 1.0 / scales)
+
+
+def rescaled(box: Matrix, factors: Matrix) -> Matrix:
+    """A box (2, n) times powers of two, (n,), outward where entries underflow."""
+    scaled = box * factors
+    is_small = (np.abs(scaled) < _SUBNORMAL) & (box != 0.0)
+    ends = np.stack([np.nextafter(scaled[0], -np.inf), np.nextafter(scaled[1], np.inf)])
+    return np.where(is_small, ends, scaled)

@@ -10,39 +10,40 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.runtime.base import (
-    Estimate,
-    Sample,
-    instant,
-    later,
-    optional_measurement,
-    vector,
-)
+from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
-from obsdesign.runtime.boxes import (
-    JUMP,
-    BoundsFault,
-    initial_bounds,
-    midpoint,
-)
+from obsdesign.runtime.boxes import JUMP, BoundsFault, initial_bounds, midpoint
 from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.set_membership.model import Disturbance, Model, observer_model
-from obsdesign.runtime.set_membership.stages import Stage, drift_of, sampled_strip
+from obsdesign.runtime.set_membership.bounder import Bounder, Result
+from obsdesign.runtime.set_membership.late import with_late_strip
+from obsdesign.runtime.set_membership.model import (
+    Disturbance,
+    Model,
+    observer_model,
+    rescaled,
+    unscaled,
+)
+from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
-from obsdesign.runtime.set_membership.tables import Table, Tables
-from obsdesign.runtime.set_membership.tape import Bounder, Contradiction, Result, Tape
+from obsdesign.runtime.set_membership.tables import Tables
+from obsdesign.runtime.set_membership.tape import Contradiction, Tape
 from obsdesign.runtime.time_stamps import time_tolerance
 
-_SUBNORMAL = 1e-290
-_MOST_NAMED = 8
+
+class _Row(NamedTuple):
+    """What a row leads to; fault: the contradiction in it, None without one."""
+
+    tape: Tape
+    result: Result
+    fault: str | None
 
 
 @dataclass(frozen=True)
@@ -98,35 +99,77 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     ) -> tuple[SetMembershipState, Estimate]:
         """Move to the time of the sample, use it, and jump if it says so.
 
-        ValueError if time does not increase (the first sample may share the initial time).
+        NaN in y marks an output that is missing. ValueError if time does not increase (the first
+        sample may share the initial time).
         """
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, self.gains.p)
-        own = sample.bounds or Bounds()
+        y = self._measured(sample.y)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
-            tape, result, fault = self._propagated(state, sample, t, y)
+            row = self._propagated(state, sample, t, y)
         guard, late = state.guard.after(t, sample.jump)
-        reasons = [] if fault is None else [fault]
+        reasons = [] if row.fault is None else [row.fault]
         reasons += [late] if late else []
         reasons += self._objections(state, sample, y, t)
-        if not np.isfinite(result.box).all():
+        following = state._replace(
+            t=t, u=u, held=self._held(sample.bounds or Bounds()), guard=guard, started=True,
+            sampled=state.sampled if y is None else t,
+        )  # fmt: skip
+        events = [JUMP] if sample.jump else []
+        return self._concluded(following, row, reasons, events)
+
+    def late(
+        self, state: SetMembershipState, t: float, y: ArrayLike
+    ) -> tuple[SetMembershipState, Estimate]:
+        """Use a measurement of an earlier time t, and return new bounds for the time of the state.
+
+        y (p,), NaN for an output that is missing. The rows since then keep what they reported. A
+        measurement from before the oldest stage of the window changes nothing, which the status
+        says. ValueError if t is after the last row, or at a jump where `jump_measurement` is none.
+        """
+        now, measured = instant(t), self._measured(y)
+        if now > state.t or not state.started:
+            raise ValueError(f"a late sample must be at most at {state.t!r}; got {now!r}.")
+        if measured is None:
+            raise ValueError("y of a late sample must have a finite entry; got none.")
+        tape = Tape(state.start, state.stages, state.box)
+        strip = sampled_strip(measured, *self.declared_bounds.v.completed(None))
+        with np.errstate(over="ignore", invalid="ignore"):
+            changed = with_late_strip(self._bounder, tape, now, strip)
+            row = self._bounded(tape if changed is None else changed, tape.box)
+        reasons = [] if row.fault is None else [row.fault]
+        if changed is None:
+            reasons.append(f"late sample at {now:.9g} is older than the window")
+        return self._concluded(state._replace(sampled=max(state.sampled, now)), row, reasons, [])
+
+    def _concluded(
+        self, state: SetMembershipState, row: _Row, reasons: list[str], events: list[str]
+    ) -> tuple[SetMembershipState, Estimate]:
+        """The state with the tape of a row, and its estimate."""
+        if not np.isfinite(row.result.box).all():
             reasons.append(BoundsFault.OVERFLOWED.value)
         refutation = state.refutation
         if refutation:
             reasons.append(refutation)
-        elif fault is not None:
-            refutation = f"void since time {t:.9g} ({fault})"
-        following = SetMembershipState(
-            t, tape.box, tape.start, tape.stages, u, self._held(own), guard, True,
-            state.sampled if y is None else t, refutation,
-        )  # fmt: skip
-        events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + reasons)
-        return following, self._estimate(t, result, events, "; ".join(reasons) or "ok")
+        elif row.fault is not None:
+            refutation = f"void since time {state.t:.9g} ({row.fault})"
+        state = state._replace(
+            box=row.tape.box, start=row.tape.start, stages=row.tape.stages, refutation=refutation
+        )
+        listed = tuple((state.t, text) for text in events + reasons)
+        return state, self._estimate(state.t, row.result, listed, "; ".join(reasons) or "ok")
+
+    def _measured(self, y: ArrayLike | None) -> Matrix | None:
+        """The measurement, NaN where an output is missing; None where all are."""
+        if y is None:
+            return None
+        values = vector(y, self.gains.p, "y")
+        is_finite = np.isfinite(values)
+        return np.where(is_finite, values, np.nan) if is_finite.any() else None
 
     def _propagated(
         self, state: SetMembershipState, sample: Sample, t: float, y: Matrix | None
-    ) -> tuple[Tape, Result, str | None]:
+    ) -> _Row:
         """The tape and the bounds after a row, and the contradiction in it, if there is one."""
         bounder, when = self._bounder, self.gains.jump_measurement
         tape = Tape(state.start, state.stages, state.box)
@@ -139,32 +182,34 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             tape = bounder.predicted(tape, stage)
             free, cut = tape.box, bounder.cut(tape)
             if cut is None:
-                fault = _contradiction_text(bounder.contradiction(tape))
+                fault = bounder.contradiction(tape).sentence
             tape = Tape.beginning(free) if cut is None else cut
-        if fault is not None:
-            return self._restarted(free, fault)
-        bounded = bounder.bounded(tape)
-        if isinstance(bounded, Contradiction):
-            return self._restarted(free, _contradiction_text(bounded))
-        return (*bounded, None)
+        return self._bounded(tape, free) if fault is None else self._restarted(free, fault)
 
-    def _restarted(self, box: Matrix, fault: str) -> tuple[Tape, Result, str]:
+    def _bounded(self, tape: Tape | Contradiction, free: Matrix) -> _Row:
+        """The bounds of a tape; where they are empty, a tape that begins with the box `free`."""
+        bounded = tape if isinstance(tape, Contradiction) else self._bounder.bounded(tape)
+        if isinstance(bounded, Contradiction):
+            return self._restarted(free, bounded.sentence)
+        return _Row(*bounded, None)
+
+    def _restarted(self, box: Matrix, fault: str) -> _Row:
         """A tape that begins anew: nothing before a contradiction is used after it."""
         tape = Tape.beginning(box)
         nothing = np.full((2, self.n), np.nan)
         further = 0 if self.gains.directions is None else len(self.gains.directions)
-        return tape, Result(box, np.full((2, further), np.nan), nothing), fault
+        return _Row(tape, Result(box, np.full((2, further), np.nan), nothing), fault)
 
     def _flow_stage(
         self, state: SetMembershipState, sample: Sample, t: float, y: Matrix | None
     ) -> Stage:
         h, size = t - state.t, max(abs(t), abs(state.t))
         table = self._tables.for_step(h, size)
-        strip = self._strip(sample, y)
-        return self._stage(
-            Stage(t, h, size, False, state.u, state.u, state.u, strip, state.box, not sample.jump),
-            table, self._model.flow, state.u, state.held,
-        )  # fmt: skip
+        known, radius = self._disturbed(self._model.flow, state.u, state.held)
+        return Stage(
+            t, h, size, False, known, known, known, radius, self._strip(sample, y), state.box,
+            not sample.jump,
+        ).driven(table)  # fmt: skip
 
     def _jump_stage(self, sample: Sample, t: float, y: Matrix | None) -> Stage:
         table, c = self._tables.jump, self._model.jump
@@ -175,21 +220,18 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         assert declared is not None
         pair = None if sample.bounds is None else sample.bounds.c
         held = np.stack(declared.completed(pair))
+        known, radius = self._disturbed(c, w, held)
         strip = self._strip(sample, y)
-        return self._stage(
-            Stage(t, 0.0, abs(t), True, w, w, w, strip, held, True), table, c, w, held
-        )
+        return Stage(
+            t, 0.0, abs(t), True, known, known, known, radius, strip, held, True
+        ).driven(table)  # fmt: skip
 
-    def _stage(
-        self, stage: Stage, table: Table, b: Disturbance, known: Matrix, held: Matrix
-    ) -> Stage:
-        """The stage with its drift and the radii of its disturbance, the box still open."""
+    def _disturbed(self, b: Disturbance, known: Matrix, held: Matrix) -> tuple[Matrix, Matrix]:
+        """(inputs and middles of the disturbance, radii of its columns) of a stage."""
         middle, radius = midpoint(held[0], held[1])
-        drift, error = drift_of(table, np.concatenate([known, middle]))
         radii = np.zeros(self._model.width)
         radii[: len(b.active)] = radius[b.active]
-        nothing = np.full((2, self.n), np.nan)
-        return stage._replace(drift=drift, drift_error=error, radius=radii, box=nothing)
+        return np.concatenate([known, middle]), radii
 
     def _strip(self, sample: Sample, y: Matrix | None) -> Matrix | None:
         if y is None:
@@ -216,22 +258,26 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             if y is not None and apart > gains.period + slack:
                 limit = f"above {gains.period:.9g}"
                 sentences.append(f"time {apart:.9g} since the last sample, {limit}")
-        return ["missing sample"] * (is_due and y is None) + sentences
+        absent = [] if y is None else [f"y{i + 1}" for i in np.flatnonzero(np.isnan(y))]
+        if is_due and (y is None or absent):
+            which = f" of {' '.join(absent)}" if absent else ""
+            sentences.insert(0, f"missing sample{which}")
+        return sentences
 
     def _estimate(
         self, t: float, result: Result, events: tuple[tuple[float, str], ...], status: str
     ) -> Estimate:
         scales, has_lag = self._model.scales, self.gains.fixed_lag is not None
-        lower, upper = _unscaled(result.box, scales)
+        lower, upper = unscaled(result.box, scales)
         return Estimate(
             t, lower=lower, upper=upper, events=events, status=status,
             directions=None if self.gains.directions is None else result.directions,
-            lagged=_unscaled(result.lagged, scales) if has_lag else None,
+            lagged=unscaled(result.lagged, scales) if has_lag else None,
         )  # fmt: skip
 
     def _box(self, lower: ArrayLike, upper: ArrayLike) -> Matrix:
         low, high = initial_bounds(self.n, lower, upper)
-        return _scaled(np.stack([low, high]), self._model.scales)
+        return rescaled(np.stack([low, high]), self._model.scales)
 
     @cached_property
     def _model(self) -> Model:
@@ -244,25 +290,3 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     @cached_property
     def _bounder(self) -> Bounder:
         return Bounder(self.gains, self._model, self._tables)
-
-
-def _unscaled(box: Matrix, scales: Matrix) -> Matrix:
-    """Bounds of x from those of z: exact unless they underflow."""
-    return _scaled(box, 1.0 / scales)
-
-
-def _scaled(box: Matrix, factors: Matrix) -> Matrix:
-    """A box times powers of two, outward where entries underflow."""
-    scaled = box * factors
-    is_small = (np.abs(scaled) < _SUBNORMAL) & (box != 0.0)
-    ends = np.stack([np.nextafter(scaled[0], -np.inf), np.nextafter(scaled[1], np.inf)])
-    return np.where(is_small, ends, scaled)
-
-
-def _contradiction_text(contradiction: Contradiction) -> str:
-    """The status of bounds that crossed, with the samples that prove the contradiction."""
-    times = [f"{t:.9g}" for t in contradiction.times]
-    if len(times) > _MOST_NAMED:
-        times = [*times[:3], "...", *times[-3:]]
-    samples = f"samples at {' '.join(times)}" if times else "no sample"
-    return f"{BoundsFault.CROSSED.value}: {samples} contradict plant and declared bounds"

@@ -11,23 +11,28 @@ serves: `evaluation` bounds with any multipliers.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import TINY
 
+_SIGNS = np.array([[1.0], [-1.0]])  # of z in its distance from its lower and its upper end
 _START = 10.0
 _TO_BOUNDARY = 0.995
 _SMALLEST_NOISE = 1e-7  # of a scaled row: strips of no width keep an interior
-# duality gap, in parts of the half width that the multipliers give, at which the search ends
-_CONVERGED = 1e-4
+# duality gap, in parts of the width that the best multipliers give, at which a direction is done
+_CONVERGED = 1e-3
 _FEWEST_ENTRIES = 4000  # of H, from which on its zeros are worth leaving out
 
 
-def propose(H: Matrix, residual: Matrix, V: Matrix, objective: Matrix, steps: int) -> Matrix:
+def propose(
+    strips: tuple[Matrix, Matrix, Matrix], objective: Matrix, opposite: Indices, steps: int
+) -> Matrix:
     """Multipliers (B, M) of upper bounds of objective (B, R); zeros where none were better.
 
-    H (M, R), residual, V (M,).
+    strips: H (M, R), residual, V (M,). opposite (B,): where the same bound from below is.
     """
+    H, residual, V = strips
     M, R = H.shape
     B = len(objective)
     if M == 0 or R == 0:
@@ -37,92 +42,114 @@ def propose(H: Matrix, residual: Matrix, V: Matrix, objective: Matrix, steps: in
         scale = np.abs(objective).sum(axis=1)[:, None] + TINY
         A, rho = H / rows[:, None], residual / rows
         w = np.concatenate([np.ones(R), np.maximum(V / rows, _SMALLEST_NOISE)])
-        mu = _Iteration(A, rho, w, objective / scale).best(steps)
+        mu = _Iteration(A, rho, w, objective / scale).best(steps, opposite)
         mu = mu * (scale / rows)
     return np.where(np.isfinite(mu), mu, 0.0)
 
 
 class _Iteration:
-    """z, lam and the multipliers zl, zu of -w <= z <= w, for all directions.
+    """z, lam and the multipliers of both ends of -w <= z <= w, for all directions.
 
-    pulled: (H I)'lam; q: (-g, 0).
+    room, Z (B, 2, K): distance of z from its lower and upper end, and the multipliers of these;
+    pulled: (H I)'lam; q: (-g, 0). open: the directions that are still searched, to which all of
+    these belong; the best multipliers and their values are those of all directions.
     """
 
     def __init__(self, A: Matrix, rho: Matrix, w: Matrix, g: Matrix) -> None:
         self.A, self.rho, self.w = A, rho, w
         (self.M, self.R), B = A.shape, len(g)
+        self.K = self.R + self.M
         self.q = np.concatenate([-g, np.zeros((B, self.M))], axis=1)
-        self.z: Matrix = np.zeros((B, self.R + self.M))
+        self.z: Matrix = np.zeros((B, self.K))
         self.lam = np.zeros((B, self.M))
         self.pulled = np.zeros(self.q.shape)
-        start = _START / (self.R + self.M) / w
-        self.zl = np.maximum(self.q, 0.0) + start
-        self.zu = np.maximum(-self.q, 0.0) + start
+        self.room = np.empty((B, 2, self.K))
+        self.room[:] = w
+        self.Z = np.maximum(self.q[:, None] * _SIGNS, 0.0) + _START / self.K / w
         self.blocks = _blocks(A)
+        self.open = np.arange(B)
         self.best_mu = np.zeros((B, self.M))
-        self.best_value = self.half_width = np.abs(g).sum(axis=1)
+        self.best_value = np.abs(g).sum(axis=1)
 
-    def best(self, steps: int) -> Matrix:
-        """The best multipliers of so many steps."""
+    def best(self, steps: int, opposite: Indices) -> Matrix:
+        """The best multipliers of so many steps at most."""
         for _ in range(steps):
-            if not self._step():
+            gap = np.einsum("bik,bik->b", self.Z, self.room)
+            missing = self.rho - self._product(self.z)
+            # what is missing of H xi + s = residual may hide as much of the gap
+            open_gap = gap + np.einsum("bm,bm->b", np.abs(self.lam), np.abs(missing))
+            width = self.best_value + self.best_value[opposite]
+            is_open = open_gap > _CONVERGED * width[self.open]  # not where it is no number
+            self._keep(is_open)
+            if not len(self.open):
                 break
+            self._step(gap[is_open], missing[is_open])
         return self.best_mu
 
-    def _step(self) -> bool:
-        """One predictor and corrector step; False where nothing changes any more."""
-        w, z, zl, zu = self.w, self.z, self.zl, self.zu
-        inverse_low, inverse_high = 1.0 / (w + z), 1.0 / (w - z)
-        theta = 1.0 / (zl * inverse_low + zu * inverse_high)
-        total = (w * (zl + zu) + z * (zl - zu)).sum(axis=1)
-        count = 2 * z.shape[1]
-        is_open = np.isfinite(total) & (total > _CONVERGED * self.half_width)
-        if not is_open.any():
-            return False
+    def _keep(self, is_open: NDArray[np.bool_]) -> None:
+        """Go on with these directions alone."""
+        if is_open.all():
+            return
+        for name in ("q", "z", "lam", "pulled", "room", "Z", "open"):
+            setattr(self, name, getattr(self, name)[is_open])
+
+    def _step(self, gap: Matrix, missing: Matrix) -> None:
+        """One predictor and corrector step."""
+        Z, room = self.Z, self.room
+        theta = 1.0 / (Z / room).sum(axis=1)
         normal = self._normal(theta)
-        slack, missing = self.q - self.pulled, self.rho - self._product(z)
+        slack = self.q - self.pulled
         dz = self._direction(normal, theta, missing, slack)[0]
-        low, high = dz * inverse_low, dz * inverse_high
-        length = _length(high, low, 1.0 + low, 1.0 - high)
-        cross_low, cross_high = dz * zl * (1.0 + low), dz * zu * (1.0 - high)
-        after = (1.0 - length) * total - length * length * (cross_low - cross_high).sum(axis=1)
-        target = ((after / total) ** 3 * total / count)[:, None]
-        lift_low = (target + cross_low) * inverse_low
-        lift_high = (target - cross_high) * inverse_high
-        dz, dlam, pull = self._direction(normal, theta, missing, slack - lift_low + lift_high)
-        low, high = dz * inverse_low, dz * inverse_high
-        less_low, less_high = zl * (1.0 + low) - lift_low, zu * (1.0 - high) - lift_high
-        length = _TO_BOUNDARY * _length(high, low, less_low / zl, less_high / zu)
-        usable = is_open & np.isfinite(length) & np.isfinite(dlam).all(axis=1)
-        self._move(np.where(usable, length, 0.0)[:, None], [dz, dlam, pull, less_low, less_high])
-        return True
+        change = dz[:, None] * _SIGNS
+        part = change / room
+        after = 1.0 + part
+        length = _length(part, after)
+        crossed = change * Z * after  # minus the product of both changes
+        less = (1.0 - length) * gap - length * length * crossed.sum(axis=(1, 2))
+        target = (less / gap) ** 3 * gap / (2 * self.K)
+        lift = (target[:, None, None] + crossed) / room
+        dz, dlam, pull = self._direction(
+            normal, theta, missing, slack - lift[:, 0] + lift[:, 1]
+        )  # fmt: skip
+        change = dz[:, None] * _SIGNS
+        part = change / room
+        less = Z * (1.0 + part) - lift
+        length = _TO_BOUNDARY * _length(part, less / Z)
+        length = np.where(np.isfinite(length) & np.isfinite(dlam).all(axis=1), length, 0.0)
+        self._move(length, [dz, dlam, pull, change, less])
 
     def _normal(self, theta: Matrix) -> Matrix:
         """H diag(theta) H' + diag of the rest, (B, M, M)."""
-        B, M = self.lam.shape
+        B, M = len(theta), self.M
         normal = np.zeros((B, M, M))
         for first, columns in self.blocks:
             part = self.A[first:, columns]
             weighted = (part * theta[:, None, columns]).reshape(-1, part.shape[1])
             normal[:, first:, first:] += (weighted @ part.T).reshape(B, M - first, M - first)
-        diagonal = np.arange(M)
-        normal[:, diagonal, diagonal] += theta[:, self.R :]
+        normal.reshape(B, -1)[:, :: M + 1] += theta[:, self.R :]
         return normal
 
     def _move(self, length: Matrix, steps: list[Matrix]) -> None:
-        """Go so far in z, lam and pulled, back in zl and zu; keep the best multipliers."""
+        """Go so far in z, lam, pulled and room, back in Z; keep the best multipliers."""
         if not length.all():  # a step that is not finite is not made
-            steps = [np.where(length > 0, step, 0.0) for step in steps]
-        dz, dlam, pull, less_low, less_high = (length * step for step in steps)
-        self.z, self.lam, self.pulled = self.z + dz, self.lam + dlam, self.pulled + pull
-        self.zl, self.zu = self.zl - less_low, self.zu - less_high
+            is_made = length > 0
+            steps = [
+                np.where(is_made.reshape(-1, *[1] * (x.ndim - 1)), x, 0.0) for x in steps
+            ]  # fmt: skip
+        dz, dlam, pull, change, less = steps
+        far = length[:, None]
+        self.z, self.lam, self.pulled = (
+            self.z + far * dz, self.lam + far * dlam, self.pulled + far * pull
+        )  # fmt: skip
+        far = far[:, None]
+        self.room, self.Z = self.room + far * change, self.Z - far * less
         R = self.R
         half = np.abs(self.pulled[:, :R] - self.q[:, :R]).sum(axis=1)
-        self.half_width = half + np.abs(self.lam) @ self.w[R:]
-        value = self.half_width - self.lam @ self.rho
-        better = value < self.best_value
-        self.best_value = np.where(better, value, self.best_value)
-        self.best_mu[better] = -self.lam[better]
+        value = half + np.abs(self.lam) @ self.w[R:] - self.lam @ self.rho
+        better = value < self.best_value[self.open]
+        places = self.open[better]
+        self.best_value[places] = value[better]
+        self.best_mu[places] = -self.lam[better]
 
     def _direction(
         self, normal: Matrix, theta: Matrix, missing: Matrix, r: Matrix
@@ -153,8 +180,11 @@ def _blocks(A: Matrix) -> list[tuple[int, slice]]:
     return [(row, slice(a, b)) for row, a, b in zip(starts, begins, ends, strict=True) if b > a]
 
 
-def _length(high: Matrix, low: Matrix, less_low: Matrix, less_high: Matrix) -> Matrix:
-    """The longest step, at most 1, that keeps z inside and its multipliers nonnegative."""
-    rate = np.maximum(high.max(axis=1), -low.min(axis=1))
-    rate = np.maximum(rate, np.maximum(less_low.max(axis=1), less_high.max(axis=1)))
+def _length(part: Matrix, less: Matrix) -> Matrix:
+    """The longest step, at most 1, that keeps z inside and its multipliers nonnegative.
+
+    part: what the room grows by, in parts of it; less: what the multipliers lose, in parts of them.
+    """
+    B = len(part)
+    rate = np.maximum(-part.reshape(B, -1).min(axis=1), less.reshape(B, -1).max(axis=1))
     return np.asarray(1.0 / np.maximum(rate, 1.0))

@@ -51,6 +51,32 @@ class FlowSeries:
             Phi = Phi @ Phi
         return Phi, integral
 
+    def reach(self, t: float, error: float, entering: Matrix) -> Matrix:
+        """Upper bound of int_0^s |e^{A r} entering| dr for every s >= 0 within `error` of t >= 0.
+
+        Doubled from a short time, on which |e^{A r}| <= e^{Mz(A) r} (`comparison`): where the flow
+        decays, the bound settles however long the time.
+        """
+        halvings = self._halvings(t + error)
+        if halvings > _MOST_DOUBLINGS:
+            return np.full(entering.shape, np.inf)
+        scale, roundings = 2.0**-halvings, 4 * len(entering)
+        _, spread = self.comparison.flow(t * scale, error * scale)
+        total = raised(np.maximum(spread.upper, 0.0) @ np.abs(entering), roundings)
+        if halvings:
+            Phi, _ = self._near(self._table, t * scale, error * scale)
+        for _ in range(halvings):
+            total = raised(total + Phi.magnitude @ total, roundings)
+            Phi = Phi @ Phi
+        return total
+
+    @cached_property
+    def comparison(self) -> FlowSeries:
+        """The series of Mz(A), which keeps the diagonal and takes absolute values elsewhere."""
+        size = np.abs(self.A)
+        np.fill_diagonal(size, np.diag(self.A))
+        return FlowSeries(size)
+
     def growth(self, t: float) -> Matrix:
         """Upper bound of e^{|A| t}, t >= 0."""
         halvings = self._halvings(t)

@@ -28,32 +28,52 @@ class Targets(NamedTuple):
     rows: Matrix
     places: Indices
 
+    def with_more(self, others: Targets) -> Targets:
+        """These and others."""
+        return Targets(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
+
 
 class Stage(NamedTuple):
     """One stage: all that its arrays are made from.
 
     t: time after it; h: length of its step and size: of the time stamps, for the enclosure of the
-    step; jump: it is a jump. drift, drift_error (n,): what is added for known inputs and the middle
-    of the disturbance; radius (width,): radii of the columns of the disturbance. strip (2, p):
-    lower and upper bounds of C z after it, None without a measurement. box (2, n): certified
-    bounds of z after it. ends_row: it is the last stage of its row.
+    step; jump: it is a jump. known (k,): inputs, then the middle of the disturbance; drift,
+    drift_error (n,): what is added for them; radius (width,): radii of the columns of the
+    disturbance. strip (2, p): lower and upper bounds of C z after it, NaN for an output that is
+    missing, None without a measurement. box (2, n): certified bounds of z after it. ends_row: it is
+    the last stage of its row. spread: largest width that was predicted, without a measurement.
     """
 
     t: float
     h: float
     size: float
     jump: bool
+    known: Matrix
     drift: Matrix
     drift_error: Matrix
     radius: Matrix
     strip: Matrix | None
     box: Matrix
     ends_row: bool
+    spread: float = 0.0
 
     @property
     def is_still(self) -> bool:
         """Is it a measurement alone, without any time since the stage before?"""
         return self.h == 0.0 and not self.jump
+
+    def driven(self, table: Table) -> Stage:
+        """The stage with the drift that its table gives, and any box."""
+        drift, error = drift_of(table, self.known)
+        nothing = np.full((2, len(drift)), np.inf) * [[-1.0], [1.0]]
+        return self._replace(drift=drift, drift_error=error, box=nothing)
+
+    def standing_still(self) -> Stage:
+        """Its measurement alone, where the state after it is where a tape begins."""
+        zero = np.zeros_like(self.drift)
+        return self._replace(
+            h=0.0, jump=False, drift=zero, drift_error=zero, radius=np.zeros_like(self.radius)
+        )
 
 
 @dataclass(frozen=True)
@@ -62,7 +82,7 @@ class Window:
 
     Phi (T, n, n), drift (T, n) and their errors; columns (T, n, 3, pieces, width), spread, length
     (T, 1, 1, 1), radius (T, 1, 1, width): see `Table`. strips (T, 2, p): zeros without a sample;
-    sampled (T,). sizes (T + 1, n): bound of |z| before the first stage and after each. C (p, n).
+    sampled (T, p). sizes (T + 1, n): bound of |z| before the first stage and after each. C (p, n).
     """
 
     start: Matrix
@@ -114,16 +134,13 @@ def window_of(
         columns[k, :, :, : table.pieces] = table.columns
         column_error[k, :, :, : table.pieces] = table.column_error
         spread[k, :, :, : table.pieces] = table.sizes
-    strips = np.zeros((T, 2, p))
+    strips = np.full((T, 2, p), np.nan)
     for k, stage in enumerate(stages):
         if stage.strip is not None:
             strips[k] = stage.strip
-    sizes = np.zeros((T + 1, n))
-    sizes[0] = magnitude(start)
-    for k, stage in enumerate(stages[:-1], 1):
-        sizes[k] = magnitude(stage.box)
-    if last is not None:
-        sizes[T] = last
+    sampled = ~np.isnan(strips[:, 0])
+    sizes = magnitude(np.array([start, *(stage.box for stage in stages)]))
+    sizes[T] = 0.0 if last is None else last
     return Window(
         start=start, Phi=np.array([t.Phi for t in listed]),
         phi_error=np.array([t.phi_error for t in listed]),
@@ -131,8 +148,8 @@ def window_of(
         drift_error=np.array([s.drift_error for s in stages]),
         columns=columns, column_error=column_error, spread=spread,
         length=np.array([t.length for t in listed])[:, None, None, None],
-        radius=np.array([s.radius for s in stages])[:, None, None, :], strips=strips,
-        sampled=np.array([s.strip is not None for s in stages]), sizes=sizes, C=model.C,
+        radius=np.array([s.radius for s in stages])[:, None, None, :],
+        strips=np.where(sampled[:, None], strips, 0.0), sampled=sampled, sizes=sizes, C=model.C,
         tables=listed,
     )  # fmt: skip
 

@@ -42,7 +42,8 @@ class Table:
     columns (n, 3, pieces, width): F0, FM, F1, with column_error; sizes (n, 2, pieces, width): E2
     and E0; length: of a piece, rounded up. generators (n, g), units (g,), remainder (n, width):
     generators, scaled by the radius of their column, and a box, which together contain what the
-    disturbance adds, up to rounding: for the search of multipliers alone.
+    disturbance adds, up to rounding: for the search of multipliers alone. cover (n, n): size of the
+    inverse of the first n generators, None where there is none.
     """
 
     Phi: Matrix
@@ -55,6 +56,7 @@ class Table:
     generators: Matrix
     units: Indices
     remainder: Matrix
+    cover: Matrix | None
 
     @property
     def pieces(self) -> int:
@@ -68,9 +70,6 @@ class Tables:
     def __init__(self, model: Model) -> None:
         self._model = model
         self._series = FlowSeries(model.A)
-        size = np.abs(model.A)
-        np.fill_diagonal(size, np.diag(model.A))
-        self._comparison = FlowSeries(size)  # |e^{A s}| <= e^{Mz(A) s}
         self._steps: OrderedDict[tuple[float, int], Table] = OrderedDict()
         self._recent: dict[tuple[float, int], Table] = {}
 
@@ -161,8 +160,7 @@ class Tables:
         roundings = 4 * len(entering)
         curved = (self._squares @ (starts @ middle)).magnitude
         E2 = curved @ raised(self._series.growth(half + half_error) @ entering, roundings)
-        _, spread = self._comparison.flow(2.0 * half, 2.0 * half_error)
-        pushed = raised(np.maximum(spread.upper, 0.0) @ entering, roundings)
+        pushed = self._series.reach(2.0 * half, 2.0 * half_error, entering)
         return raised(E2, roundings), raised(starts.magnitude @ pushed, roundings)
 
 
@@ -177,7 +175,20 @@ def _table(
         Phi=Phi.mid, phi_error=_with_product(Phi, n), forced=forced, columns=columns.mid,
         column_error=_with_product(columns, n), sizes=sizes, length=length,
         generators=generators[0], units=generators[1], remainder=remainder,
+        cover=_cover(generators[0]),
     )  # fmt: skip
+
+
+def _cover(generators: Matrix) -> Matrix | None:
+    """|X^-1| of the first n generators X; None where they are fewer or dependent."""
+    n = len(generators)
+    square = generators[:, :n]
+    if square.shape != (n, n) or not np.isfinite(square).all():
+        return None
+    try:
+        return np.asarray(np.abs(np.linalg.inv(square)))
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _with_product(X: Enclosure, n: int) -> Matrix:

@@ -17,6 +17,8 @@ from obsdesign.equations.set_membership.pattern import Step
 
 # simplex steps after which a search for a trajectory ends without one: a shorter one serves
 _MOST_ITERATIONS = 3000
+# of a scaled row: multipliers that cost less are not resolved by the solver's tolerance
+_LEAST_NOISE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def multipliers(reach: Reach, V: Matrix, steps: int, i: int) -> Matrix | None:
     if M == 0 or size == 0:
         return mu
     scale = np.abs(reach.H).sum(axis=1) + V[reach.rows[:, 1]]
-    H, noise = reach.H / scale[:, None], V[reach.rows[:, 1]] / scale
+    H, noise = reach.H / scale[:, None], np.maximum(V[reach.rows[:, 1]] / scale, _LEAST_NOISE)
     # mu = mu+ - mu-, H'mu + a - b = g with a, b >= 0
     eye = np.eye(R)
     rows = np.hstack([H.T, -H.T, eye, -eye])
@@ -89,4 +91,19 @@ def hidden_trajectory(reach: Reach, V: Matrix, i: int) -> Matrix | None:
     sides = (-noise / scale, noise / scale) if M else (noise, noise)
     rows = reach.H / scale[:, None]
     x = minimise(-g / size, rows, sides, (-one, one), iterations=_MOST_ITERATIONS)
-    return None if x is None else np.clip(x, -1.0, 1.0)
+    return None if x is None else _unnoticed(reach.H, noise, np.clip(x, -1.0, 1.0))
+
+
+def _unnoticed(H: Matrix, noise: Matrix, xi: Matrix) -> Matrix:
+    """A trajectory near xi, |xi| <= 1, which leaves |H xi| <= noise by rounding alone.
+
+    The solver's tolerance may be large beside the noise.
+    """
+    free = np.abs(xi) < 1.0
+    y = H @ xi
+    excess = y - np.clip(y, -noise, noise)
+    if not excess.any() or not free.any():
+        return xi
+    near = xi.copy()
+    near[free] -= np.linalg.lstsq(H[:, free], excess, rcond=None)[0]
+    return near / max(1.0, float(np.abs(near).max()))

@@ -13,6 +13,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
+from obsdesign.analysis.set_membership.enclosed import upper_rows
 from obsdesign.analysis.set_membership.pieces import pieces_of
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.set_membership.nominal import (
@@ -36,7 +37,9 @@ _TURNS = 8
 _SETTLED = 1e-3  # relative change of the half widths that ends the iteration
 _LARGE = 100.0  # start of the iteration, in parts of what the disturbances add in a window
 _STARTS = 3
-_ROOM = (1e-6, 1e-9)  # of the tube, in parts of its own entry and of the largest one
+_ROOM = 1e-6  # of every entry of the tube, in parts of it
+_REFINED = 3
+_LEAST = 1e-12  # an entry of zero, in parts of the largest one
 _PIECES = ((4, 4), (20, 2))  # constant pieces of the disturbance in a step, by number of states
 _HORIZONS = (40, 80, 160)
 _CONVERGED = 5e-3
@@ -90,13 +93,24 @@ class Search:
         zero = np.zeros((n, 0))
         free = [np.abs(self._reach(window, zero).Z).sum(axis=1) for window in windows]
         size = np.max(free, axis=0)
-        size = size + (_ROOM[0] * size.max() or self._maps.V.max() or 1.0)
+        size = size + (_ROOM * size.max() or self._maps.V.max() or 1.0)
         for k in range(_STARTS):
             start = np.tile(size * _LARGE ** (k + 1), (len(self.pattern.ends), 1))
             tube = self._iterated(count, start)
+            tube = None if tube is None else self._certified(tube)
             if tube is not None:
                 return tube
         return None
+
+    def _certified(self, tube: Tube) -> Tube | None:
+        """Half widths that the multipliers of a tube keep whatever the rounding; None if none.
+
+        In floats q = p - C'mu cancels: where the noise is small beside the disturbances, its
+        rounding is what a tube in floats is made of.
+        """
+        rows = upper_rows(self.gains, self.pattern, tube.multipliers)
+        radii = _fixed_point(rows, tube.radii)
+        return None if radii is None else Tube(tube.multipliers, radii)
 
     def witness(self, radii: Matrix) -> Witness | None:
         """Trajectories that no sample notices, each to the row of the widest bound of a state."""
@@ -197,9 +211,13 @@ def _fixed_point(rows: list[RowMap], before: Matrix) -> Matrix | None:
     k = np.concatenate([row.k for row in rows])
     if not (np.isfinite(whole).all() and np.isfinite(k).all()):
         return None
-    if np.abs(np.linalg.eigvals(whole)).max() >= 1:
+    rate = np.abs(np.linalg.eigvals(whole)).max()
+    if rate >= 1:
         return None
-    radii = np.linalg.solve(np.eye(len(k)) - whole, k)
-    room = _ROOM[1] * (radii.max() or before.max())
-    radii = np.linalg.solve(np.eye(len(k)) - whole, k + _ROOM[0] * k + room)
-    return radii.reshape(count, n) if (radii > 0).all() else None
+    grown = 1 + min(_ROOM, (1 - rate) / 2)
+    k = np.where(k > 0, k, _LEAST * (k.max() or before.max()))
+    radii = np.linalg.solve(np.eye(len(k)) - grown * whole, grown * k)
+    for _ in range(_REFINED):  # entries that are small beside the largest one are rounded too
+        radii = grown * (whole @ radii + k)
+    is_kept = np.isfinite(radii).all() and (whole @ radii + k < radii).all()
+    return radii.reshape(count, n) if is_kept else None

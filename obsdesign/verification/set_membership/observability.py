@@ -24,6 +24,7 @@ from lmi.arithmetic.exponential import expm
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import HiddenPart, not_detectable
+from obsdesign.analysis.set_membership.enclosed import BALLS
 from obsdesign.analysis.set_membership.requirements import (
     pattern_of,
     sampled_matrix,
@@ -35,7 +36,6 @@ from obsdesign.equations.set_membership.nominal import NominalMaps, StepMap
 from obsdesign.equations.set_membership.pattern import Pattern, Step
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability
-from obsdesign.verification.set_membership.width import BALLS
 
 _BITS = 320
 _ZERO = 1e-9  # of the largest entry of a direction

@@ -14,11 +14,12 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Entries, Matrix, NewEntries
 from lmi.arithmetic.balls import Ball, ball_column, exact, number, precision, scalar, upper_ends
 from lmi.verdict import Verdict, proved, undecided
+from obsdesign.analysis.set_membership.enclosed import BALLS
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.set_membership.nominal import NominalMaps, StepMap
 from obsdesign.equations.set_membership.pattern import Pattern, Step
-from obsdesign.verification.set_membership.width import BALLS, matrix_of
+from obsdesign.verification.set_membership.width import matrix_of
 
 SOURCE = "radius of information: M. Milanese, R. Tempo, IEEE TAC 30 (1985)"
 _BITS = 320

@@ -8,24 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Entries, Matrix
-from lmi.arithmetic.balls import PRECISIONS, entries, exact, exp_times, precision
+from lmi.arithmetic.arrays import Entries, Matrix
+from lmi.arithmetic.balls import exact, precision
 from lmi.verdict import Verdict, proved, undecided
-from obsdesign.analysis.set_membership.pieces import pieces_of
+from obsdesign.analysis.set_membership.enclosed import WIDTH_BITS, enclosed_rows
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.equations.set_membership.nominal import Arithmetic, NominalMaps, row_maps
 from obsdesign.equations.set_membership.pattern import Pattern
 
 SOURCE = "weak duality over a window (docs/set_membership.md)"
-
-
-def _exponential(X: Array, t: float) -> Array:
-    return entries(exp_times(X, t))
-
-
-BALLS = Arithmetic(exact, _exponential)
-_BITS = PRECISIONS[1]
 
 
 def width_claims(
@@ -62,8 +53,8 @@ def _proof(
         sampled = np.array([step.sampled for step in window])
         if mu[:, ~sampled].any():
             return undecided("gains.multipliers has entries where the pattern has no sample")
-    with precision(_BITS):
-        rows = row_maps(NominalMaps(gains, BALLS), pattern, pieces_of(gains), multipliers)
+    with precision(WIDTH_BITS):
+        rows = enclosed_rows(gains, pattern, multipliers)
         radii = exact(tube)
         for j, row in enumerate(rows):
             after = row.M @ radii[row.start] + row.k

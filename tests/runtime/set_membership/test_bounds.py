@@ -127,7 +127,7 @@ def test_less_information_never_gives_a_smaller_dual_sum(what: str) -> None:
         size = np.abs(state.box).max(axis=0)
         window = window_of(model, Tables(model), state.start, state.stages, size)
         rng = np.random.default_rng(1)
-        mu = rng.normal(size=(50, len(window), 1)) * window.sampled[:, None]
+        mu = rng.normal(size=(50, len(window), 1)) * window.sampled
         targets = Targets(rng.normal(size=(50, 3)), np.full(50, len(window) - 1))
         values.append(upper_bounds(window, targets, mu))
         widths.append(np.subtract(estimate.upper, estimate.lower))

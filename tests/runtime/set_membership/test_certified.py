@@ -137,7 +137,9 @@ def _window(case: Case, rows: int) -> tuple[Window, SetMembershipState, Matrix]:
     return window, state, model.scales
 
 
-def _exact_value(case: Case, state: SetMembershipState, mu: Matrix, row: Matrix) -> arb:
+def _exact_value(
+    case: Case, start: Matrix, state: SetMembershipState, mu: Matrix, row: Matrix
+) -> arb:
     """The dual sum in balls, in the plant's units, for a plant without disturbances."""
     p, total = _ball(row[None]), arb(0)
     times = [0.0, *(stage.t for stage in state.stages)]
@@ -154,7 +156,7 @@ def _exact_value(case: Case, state: SetMembershipState, mu: Matrix, row: Matrix)
             Phi, integral = _exp_integral(case.A, arb(times[k + 1]) - arb(times[k]))
             total += (p * integral * _ball(case.b[0][:, None]))[0, 0]
             p = p * Phi
-    for i, (low, high) in enumerate(case.x0.T):
+    for i, (low, high) in enumerate(start.T):
         total += p[0, i] * arb(float(high if p[0, i] > 0 else low))
     return total
 
@@ -186,11 +188,11 @@ def test_rounding_never_lowers_a_bound_and_hardly_raises_it(name: str) -> None:
     B = 24
     rows = rng.normal(size=(B, n)) * np.exp(2 * rng.normal(size=(B, n)))
     shape = (B, len(window), len(case.C))
-    mu = rng.normal(size=shape) * np.exp(rng.normal(size=shape)) * window.sampled[:, None]
+    mu = rng.normal(size=shape) * np.exp(rng.normal(size=shape)) * window.sampled
     targets = Targets(rows / scales, np.full(B, len(window) - 1))
     upper = upper_bounds(window, targets, mu)
     for own, row, bound in zip(mu, rows, upper, strict=True):
-        exact = _exact_value(case, state, own, row)
+        exact = _exact_value(case, state.start / scales, state, own, row)
         assert arb(float(bound)) >= exact
         size = np.abs(own).sum() + np.abs(row).sum()
         assert float(bound) - float(exact) <= 1e-11 * size * max(np.abs(state.box).max(), 1.0)
@@ -208,7 +210,7 @@ def test_no_multipliers_give_less_than_the_linear_program() -> None:
         rng, n = np.random.default_rng(5), case.n
         rows = np.repeat(np.vstack([-np.eye(n), np.eye(n)]), 200, axis=0)
         shape = (len(rows), len(window), len(case.C))
-        mu = rng.normal(size=shape) * np.exp(3 * rng.normal(size=shape)) * window.sampled[:, None]
+        mu = rng.normal(size=shape) * np.exp(3 * rng.normal(size=shape)) * window.sampled
         targets = Targets(rows / scales, np.full(len(rows), len(window) - 1))
         upper = upper_bounds(window, targets, mu).reshape(2, n, 200).min(axis=2)
         assert (-upper[0] <= inside[0]).all()

@@ -66,15 +66,22 @@ def test_jumps_decide_on_what_is_not_seen(factor: float, verdict: str) -> None:
     assert _claim(outcome, "attainable").verdict == verdict
 
 
-def test_samples_that_are_all_lost_at_jumps_determine_nothing() -> None:
-    """A jump at every sample, which is not taken then; its twin is taken before the jump."""
+def test_samples_that_are_all_lost_at_jumps_promise_no_width() -> None:
+    """A jump at every sample, which is not taken then; its twin is taken before the jump.
+
+    The state is observable at other spacings, which is all that is claimed.
+    """
     change = {"jump.G": [[1.0, 0], [0, 1]], "jump.dwell_time": [0.1, 0.1],
               "flow.A": [[0, 1], [0, 0]], "output.C": [[1, 0]],
               "output.jump_measurement": "none"}  # fmt: skip
     body = _with(change)
-    assert _claim(_outcome(body), "observable_window").verdict == "undecided"
+    outcome = _outcome(body)
+    assert "along flow and jumps" in _claim(outcome, "observable_window").statement
+    assert "every sample falls on a jump" in outcome.warnings[0]
     body["output"]["jump_measurement"] = "before"
-    assert _claim(_outcome(body), "observable_window").verdict == "proved"
+    outcome = _outcome(body)
+    assert "every window of 8 stages" in _claim(outcome, "observable_window").statement
+    assert outcome.verdict == "proved"
 
 
 OBSERVED = _with({"flow.A": [[0, 1, 0], [0, 0, 1], [0, 0, 0]]})

@@ -194,3 +194,53 @@ def test_the_design_proves_itself_without_a_solver() -> None:
         again = obsdesign.verify(design)
         assert again.verdict == "proved"
         assert again.result["states"] == outcome_of(name, period, dwell).result["states"]
+
+
+# y = x2, noise far below what rounding of the disturbances comes to
+TINY: dict[str, Any] = {
+    "flow": {"A": [[-1, 0.5], [0.3, -2]], "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}},
+    "output": {"C": [[0, 1]], "noise_bound": [0.0], "measured": "periodic", "period": 0.1},
+    "observer": {"kind": "set_membership", "window": 8},
+}
+
+
+@pytest.mark.parametrize("noise", [1e-9, 1e-12, 1e-14])
+def test_noise_far_below_the_disturbances_keeps_both_widths(noise: float) -> None:
+    """A measured state is known to its strip, the other one as without noise."""
+    body = copy.deepcopy(TINY)
+    body["output"]["noise_bound"] = [noise]
+    outcome = _investigated(body)
+    assert numbers(outcome, "width")[1] == pytest.approx(2 * noise, rel=1e-3)
+    assert numbers(outcome, "best")[1] == pytest.approx(2 * noise, rel=1e-2)
+    silent = numbers(_investigated(TINY), "width")
+    assert numbers(outcome, "width")[0] == pytest.approx(silent[0], rel=1e-3)
+    assert (numbers(outcome, "ratio") < 1.02).all()
+    assert silent[1] < 1e-9 * silent[0]
+
+
+def test_a_tube_of_rounding_alone_is_proved() -> None:
+    """Both outputs are about the one state; in floats the sums of its tube come out too low."""
+    body = {
+        "flow": {"A": [[-0.397]], "disturbance": {"lower": [-0.09], "upper": [0.09]}},
+        "jump": {"G": [[0.91]], "disturbance": {"lower": [-0.05], "upper": [0.05]},
+                 "dwell_time": [0.3, "inf"]},
+        "output": {"C": [[-2.32], [0.43]], "noise_bound": [2.032880371331315e-14, 0.05],
+                   "measured": "periodic", "period": 0.1, "jump_measurement": "after"},
+        "observer": {"kind": "set_membership"},
+    }  # fmt: skip
+    width = numbers(_investigated(body), "width")
+    assert width == pytest.approx([2 * 2.032880371331315e-14 / 2.32], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("dwell", "words"),
+    [
+        ([0.5, "inf"], "a sample every 0.5 and a jump every 1,"),
+        ([0.3, 1.0], "a sample every 0.5 and a jump every 1,"),
+        ([1.5, 2.0], "a sample every 0.5 and a jump every 1.5,"),
+    ],
+)
+def test_a_pattern_has_samples_where_jumps_hide_them(dwell: list[Any], words: str) -> None:
+    body = body_of("degue", 0.5, dwell, window=8)
+    body["output"]["jump_measurement"] = "none"
+    assert words in claim(_investigated(body), "width").statement
