@@ -19,7 +19,7 @@ from obsdesign.runtime.impulsive_input.history import History, short_dwell
 from obsdesign.runtime.impulsive_input.integral import covariance, recursions
 from obsdesign.runtime.impulsive_input.integral.addition import compared
 from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
-from obsdesign.runtime.impulsive_input.integral.search import Rule, Search
+from obsdesign.runtime.impulsive_input.integral.search import Rule, Search, smoothed
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine, _event
 from obsdesign.runtime.impulsive_input.samples.filter import square_root, triangular
 from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
@@ -324,3 +324,12 @@ def test_a_maximum_is_final_after_a_drop_or_a_whole_window(begin: float) -> None
     assert (early.top, fired) == (1, False)
     dropped, fired = rule.advance(Search(), [0.0, 1.0, 0.9, 0.4], 0, times, tau)
     assert (dropped.top, dropped.position, fired) == (1, 4, True)
+
+
+@pytest.mark.parametrize("first", range(10))
+def test_a_moving_average_is_given_as_soon_as_its_rows_are_there(first: int) -> None:
+    times, values = 0.5 * np.arange(20.0), np.random.default_rng(6).standard_normal(10)
+    means = smoothed(times, values, first, 1.0)
+    expected = [values[max(k - 2, 0) : k + 3].mean() for k in range(first, 8)]
+    np.testing.assert_allclose(means, expected, rtol=1e-12)
+    assert (smoothed(times, values, first, 0.0) == values[first:]).all()
