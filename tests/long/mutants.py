@@ -232,11 +232,14 @@ def report(folder: Path, chosen: Iterable[Mutant]) -> None:
     """Print the outcomes of the sample per place."""
     outcomes, explained = _outcomes(folder), _explained()
     counts: dict[str, Counter[str]] = defaultdict(Counter)
+    chosen = list(chosen)
+    for gone in sorted(explained - {mutant.expression for mutant in chosen}):
+        print(f"explained, and no mutant any more: {gone[0]} {gone[1]}")
     for mutant in chosen:
         if not (entry := outcomes.get(mutant.key)):
             continue
         word = str(entry["outcome"])
-        if word != "killed" and tuple(mutant.key.split("\n")[:4]) in explained:
+        if word != "killed" and mutant.expression in explained:
             word = "explained"
         place = next(place for place in PLACES if mutant.path.startswith(place))
         for name in (place, "all"):

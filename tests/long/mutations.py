@@ -28,9 +28,14 @@ class Mutant:
     copy: int = 0
 
     @property
+    def expression(self) -> tuple[str, str, str, str]:
+        """Its file, its function, and its lines before and after."""
+        return self.path, self.function, self.was, self.now
+
+    @property
     def key(self) -> str:
         """What stays when lines are added above it."""
-        return "\n".join((self.path, self.function, self.was, self.now, str(self.copy)))
+        return "\n".join((*self.expression, str(self.copy)))
 
 
 def mutants_of(path: str, source: bytes) -> list[Mutant]:

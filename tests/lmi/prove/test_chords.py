@@ -162,3 +162,14 @@ def test_forms_that_fall_are_certified_only_where_they_do(fast: float) -> None:
         assert falling_forms(ball(exact(F)), bound)
         assert not falling_forms(ball(exact(F + 1.01 * np.eye(2))), bound)
         assert not falling_forms(ball(exact(F + np.eye(2))), bound)
+
+
+@pytest.mark.parametrize("speed", [1.0, 100.0])
+def test_a_flow_that_turns_costs_a_few_chords(speed: float) -> None:
+    """A chord leaves its arc by an eighth of the square of its length, and by no more."""
+    F, H = np.array([[0.2, 3.0], [-1.0, 0.2]]), np.array([[0.2, 0.1], [0.0, 0.3]])
+    proof = prove_common(speed * F, H, np.eye(2), 0.1 / speed, 2.0 / speed, method="chords")
+    assert proof.outcome == "proved"
+    assert proof.evidence["steps"] <= 6
+    wild = prove_common(speed * F, 4 * H, np.eye(2), 0.1 / speed, 2.0 / speed, method="chords")
+    assert wild.outcome == "undecided"

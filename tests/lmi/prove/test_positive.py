@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lmi.arithmetic.balls import ball, exact, number, precision
 from lmi.arithmetic.exponential import expm
 from lmi.find.copositive import decide_copositive, propose_vector
-from lmi.prove.positive import FORMS, SIDES, prove_copositive
+from lmi.prove.positive import FORMS, SIDES, _lifted, prove_copositive
 
 W1, N1 = np.array([[-1.0, 0], [1, -3]]), np.array([[2.0, 0], [1, 0.2]])  # example 4.1
 W3, N3 = np.array([[-1.0, 0], [4, -1]]), np.array([[3.0, 1], [1, 3]])  # width pair of 4.3
@@ -91,3 +92,14 @@ def test_sixteen_states_and_more() -> None:
     H = 1.6 / n * rng.random((n, n))
     assert decide_copositive(F, H, 0.1, math.inf).outcome == "proved"
     assert decide_copositive(F, 2 * H, 0.1, math.inf).outcome == "undecided"
+
+
+def test_a_lifted_row_is_above_the_row_and_has_no_zeros() -> None:
+    with precision(80):
+        row = ball(exact([[0.0, 1e-30, 2.0]]))
+        lift = [number(1e-9), number(2e-9), number(3e-9)]
+        lifted = _lifted(row, lift).entries()
+        for low, more, high in zip(row.entries(), lift, lifted, strict=True):
+            assert high > low
+            assert high > 0
+            assert not high > low + 2 * more

@@ -1,4 +1,4 @@
-"""Floats above an exponential, entry by entry."""
+"""Floats above an exponential, entry by entry; states that are not seen."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat, ctx
 
+from lmi.arithmetic.balls import exact
+from lmi.rank.stack import Stack
 from lmi.rank.window_box import _exponential
+from lmi.rank.witness import _check_vector
 
 
 @pytest.mark.parametrize("size", [0.01, 0.2, 3.0, 20.0])
@@ -23,3 +26,12 @@ def test_an_exponential_is_bounded_in_every_entry(size: float, shape: str) -> No
         for j in range(n):
             assert arb(float(above[i, j])) >= exact[i, j].mid()
     assert above.max() <= 1.001 * float(max(exact.entries(), key=float)) + 1e-12
+
+
+@pytest.mark.parametrize("size", [0.01, 1.0, 300.0])
+def test_a_state_that_is_not_seen_has_its_largest_entry_one(size: float) -> None:
+    unit, C = exact(np.eye(2)), exact([[1.0, 0.0]])
+    still = Stack(exact(np.zeros((2, 2))), unit, C, unit, blocks=2)
+    verdict = _check_vector(still, np.array([1.0]), size * np.eye(2))
+    assert verdict.outcome == "refuted"
+    assert np.abs(verdict.evidence["witness"]["null_vector"]) == pytest.approx([0.0, 1.0])

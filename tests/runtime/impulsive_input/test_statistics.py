@@ -18,7 +18,8 @@ from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History, short_dwell
 from obsdesign.runtime.impulsive_input.integral import covariance, recursions
 from obsdesign.runtime.impulsive_input.integral.addition import compared
-from obsdesign.runtime.impulsive_input.integral.search import Rule, Search
+from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
+from obsdesign.runtime.impulsive_input.integral.search import Rule, Search, smoothed
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine, _event
 from obsdesign.runtime.impulsive_input.samples.filter import square_root, triangular
 from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
@@ -296,3 +297,39 @@ def test_a_residual_that_noise_does_not_explain_is_a_misfit(
     )
     event = compared(none, Event(t=0.0, weights=np.ones(1), t_std=None, weights_std=None), window)
     assert bool(event.doubts) is doubted
+
+
+def test_a_row_that_all_but_ends_a_window_is_its_last_one() -> None:
+    """Decimal stamps: .1 + .2 is a little more than .3."""
+    gains = SimpleNamespace(noise_std=np.zeros(1), noise_cv=np.zeros(1))
+    run = SimpleNamespace(tau=0.2, gains=gains, residual=lambda track, a, b: track.y[a:b])
+    own: Any = SimpleNamespace(run=run, evaluator=SimpleNamespace(taps=lambda times: times))
+    for t, last in (
+        ([0.0, 0.1, 0.2, 0.3, 0.4], 3), ([0.0, 0.1, 0.2, 0.3 - 1e-4, 0.4], 4),
+        ([0.0, 0.1, 0.2, 0.3 + 1e-4, 0.4], 3),
+    ):  # fmt: skip
+        track: Any = SimpleNamespace(t=np.array(t), y=np.ones((5, 1)))
+        window = IntegralEngine._window(own, track, 1)
+        assert window.t.tolist() == t[1 : last + 1]
+
+
+@pytest.mark.parametrize("begin", [0.0, 100.0, -100.0])
+def test_a_maximum_is_final_after_a_drop_or_a_whole_window(begin: float) -> None:
+    rule, tau, times = Rule(floor=0.1, sigma=0.0, share=0.5), 2.05, begin + 0.1 * np.arange(40)
+    flat = [0.0, 1.0, *([0.9] * 38)]
+    search, fired = rule.advance(Search(), flat, 0, times, tau)
+    assert fired
+    assert (search.top, search.position) == (1, 23)  # the first row more than tau behind the top
+    early, fired = rule.advance(Search(), flat[:22], 0, times, tau)
+    assert (early.top, fired) == (1, False)
+    dropped, fired = rule.advance(Search(), [0.0, 1.0, 0.9, 0.4], 0, times, tau)
+    assert (dropped.top, dropped.position, fired) == (1, 4, True)
+
+
+@pytest.mark.parametrize("first", range(10))
+def test_a_moving_average_is_given_as_soon_as_its_rows_are_there(first: int) -> None:
+    times, values = 0.5 * np.arange(20.0), np.random.default_rng(6).standard_normal(10)
+    means = smoothed(times, values, first, 1.0)
+    expected = [values[max(k - 2, 0) : k + 3].mean() for k in range(first, 8)]
+    np.testing.assert_allclose(means, expected, rtol=1e-12)
+    assert (smoothed(times, values, first, 0.0) == values[first:]).all()

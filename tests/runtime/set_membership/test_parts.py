@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 
@@ -15,7 +16,7 @@ from obsdesign.runtime.boxes import stated_bounds
 from obsdesign.runtime.set_membership.evaluation import _residuals, upper_bounds
 from obsdesign.runtime.set_membership.model import observer_model
 from obsdesign.runtime.set_membership.observer import _unscaled
-from obsdesign.runtime.set_membership.series import _DEGREE, _terms
+from obsdesign.runtime.set_membership.series import _DEGREE, FlowSeries, _terms
 from obsdesign.runtime.set_membership.stages import Targets, Window, sampled_strip, window_of
 from obsdesign.runtime.set_membership.tables import Tables
 from tests.systems.set_membership import cases, observer_of
@@ -155,3 +156,15 @@ def test_initial_bounds_that_are_none_are_named() -> None:
             stated_bounds(2, initial)
     lower, upper = stated_bounds(2, [-1.0, 1.0, -2.0, 2.0])
     assert (lower.tolist(), upper.tolist()) == ([-1.0, -2.0], [1.0, 2.0])
+
+
+@pytest.mark.parametrize("t", [0.5, 1.0, 50.0])
+def test_the_end_of_a_long_chain_is_enclosed(t: float) -> None:
+    """Entries that only powers beyond the series reach are within its remainder."""
+    n, a = 19, 0.49 / t
+    Phi, integral = FlowSeries(a * np.diag(np.ones(n - 1), 1)).flow(t, 0.0)
+    for i in range(n):
+        for j in range(i, n):
+            power = (Fraction(a) * Fraction(t)) ** (j - i) / math.factorial(j - i)
+            for whole, exact_value in ((Phi, power), (integral, power * Fraction(t) / (j - i + 1))):
+                assert abs(Fraction(whole.mid[i, j]) - exact_value) <= Fraction(whole.rad[i, j])

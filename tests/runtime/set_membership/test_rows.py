@@ -331,3 +331,14 @@ def test_samples_that_contradict_each_other_are_named_and_no_others() -> None:
         assert estimate.status == "ok"
     state, estimate = observer.step(state, Sample(6.0, y=[0.5]))
     assert estimate.status.startswith("bounds crossed: samples at 2 6 contradict")
+
+
+@pytest.mark.parametrize(("when", "due"), [("none", False), ("before", True), ("after", True)])
+def test_a_sample_is_due_at_a_jump_where_jumps_are_measured(when: str, due: bool) -> None:
+    observer = from_design(obsdesign.design(_problem(output={"jump_measurement": when})))
+    state = observer.start(0.0, [-1.0, 1.0] * 2)
+    state, _ = observer.step(state, Sample(0.1, y=[0.0]))
+    state, estimate = observer.step(state, Sample(0.7, jump=True))
+    assert ("missing sample" in estimate.status) is due
+    _, estimate = observer.step(state, Sample(0.8))
+    assert "missing sample" in estimate.status

@@ -11,11 +11,13 @@ import pytest
 
 from lmi.arithmetic.balls import exact, number, scalar
 from lmi.rank.stack import Stack
+from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive import rate as rates
 from obsdesign.verification.impulsive.blocks import Blocks, _influences
 from obsdesign.verification.impulsive.claims import _nominal
 from obsdesign.verification.impulsive.rate import Bound, RankProof, Rate, Reach
 from obsdesign.verification.impulsive.statements import full_rank
+from obsdesign.verification.impulsive.uncorrected_blocks import block_decay
 
 
 def core(**changes: Any) -> Any:
@@ -204,3 +206,21 @@ def test_blocks_that_do_not_meet_have_no_influence() -> None:
         for row in weights:
             for weight in row:
                 assert float(weight.abs_upper()) < 1e-20
+
+
+@pytest.mark.parametrize(
+    ("stated", "used"), [(0.5, True), (0.05, True), (0.0, False), (1.5, False), ("x", False)]
+)
+def test_a_block_decays_by_the_factor_of_its_certificate_if_that_is_one(
+    stated: Any, used: bool
+) -> None:
+    pair = exact([[-1.0]]), exact([[0.1]])
+    own = {"paranoid": False, "rate": 0.0}
+    default = block_decay("rest", pair, Dwell(0.5, 1.0), {}, **own)
+    claim = block_decay("rest", pair, Dwell(0.5, 1.0), {"factor": stated, "P": [[1.0]]}, **own)
+    assert (claim.evidence["factor"] == stated) is used
+    if not used:
+        assert claim.evidence["factor"] == default.evidence["factor"]
+    # .1 e^-.5 = .0607 is the factor at the shortest spacing
+    if used:
+        assert claim.verdict == ("proved" if stated == 0.5 else "undecided")

@@ -15,6 +15,7 @@ import pytest
 import obsdesign
 from obsdesign.analysis.hidden_modes import fixed_parts
 from obsdesign.verification.answers import reason
+from obsdesign.verification.gain_constraints import _structure
 from obsdesign.verification.luenberger.claims import claims
 from tests.systems.luenberger import BASE, problem
 
@@ -349,3 +350,12 @@ def test_a_gain_at_jumps_of_a_plant_without_jumps_is_refused(option: dict[str, A
     (name, entry) = next(iter(option.items()))
     body["observer"][name] = {"L": entry["M"]}
     assert obsdesign.Problem.from_dict(body).kind == "luenberger"
+
+
+def test_zeros_of_a_structure_are_counted_and_kept() -> None:
+    pattern, K = np.array([[1, 0], [0, 0]]), np.array([[3.0, 0.0], [0.0, 0.0]])
+    assert _structure(K, pattern).evidence["zeros"] == 3
+    K[1, 0] = 1e-300
+    verdict = _structure(K, pattern)
+    assert verdict.outcome == "refuted"
+    assert (verdict.evidence["witness"]["row"], verdict.evidence["witness"]["column"]) == (2, 1)
