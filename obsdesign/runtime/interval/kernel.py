@@ -7,40 +7,58 @@ gives
     r+, m+              the box after the step
     reach -+ (y1 - C m) both nonnegative unless no state of the predicted box can give y1
     a number            finite only if everything else is: above the sum of its absolute values
-    lower, -upper       of x, several sound candidates: the largest of each holds
+    lower, -upper       of x, several sound candidates (`cuts`): the largest of each holds
+    lower, -upper       of z, likewise, where x = S z
 
 Rounding: |float(a'v) - a'v| <= gamma |a|'|v|. The margin on the radius side, or on the outer side
-of a bound, covers it, the error of the enclosed maps, and its own rounding.
+of a bound, covers it, the error of the enclosed maps, its own rounding, and two roundings of r and
+of m, which come from the ends of the box of the step before.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, raised
 from obsdesign.runtime.base import MODERATE
-from obsdesign.runtime.interval.maps import BoxMap
-from obsdesign.runtime.interval.model import Model, exactly, size
+from obsdesign.runtime.boxes import BoundsFault
+
+
+class Result(NamedTuple):
+    """What a step or a jump leaves: box [r; m] in z and bounds of x, cut with all candidates.
+
+    size: above all its numbers; fault: why these are not the cut ones.
+    """
+
+    box: Matrix
+    lower: Matrix
+    upper: Matrix
+    size: float
+    fault: BoundsFault | None
 
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
     """A matrix and the layout of the vector v that it multiplies.
 
-    rows: the matrix; n, p: states and outputs; candidates: how many bounds of x it gives; blank: v
-    of nothing; middle: where its absolute values begin.
+    rows: the matrix; n, p: states and outputs; candidates, inner: how many bounds of x and of z it
+    gives, the first of each those of the box alone (inner: 0 where z is x); blank: v of nothing;
+    middle: where its absolute values begin; halves (2n, 2n): gives [r; m] from [lower; -upper],
+    each rounded once.
     """
 
     rows: Matrix
     n: int
     p: int
     candidates: int
+    inner: int
     blank: Matrix
     middle: int
+    halves: Matrix
 
     @property
     def moderate(self) -> bool:
@@ -52,14 +70,27 @@ class Kernel:
         """Length of v."""
         return int(self.rows.shape[1])
 
+    @property
+    def is_cut(self) -> bool:
+        """Are there several bounds, so that the box comes from the narrowest of them?"""
+        return self.candidates > 1
+
+    @property
+    def blocks(self) -> tuple[list[slice], list[slice]]:
+        """Where a result has the candidates for the bounds of x, and of z."""
+        first, n2 = 2 * self.n + 2 * self.p + 1, 2 * self.n
+        slices = [slice(first + k * n2, first + (k + 1) * n2)
+                  for k in range(self.candidates + self.inner)]  # fmt: skip
+        return slices[: self.candidates], slices[self.candidates :]
+
     def in_parts(self) -> KernelParts:
         """The matrix, and where its parts are."""
         n, p, middle = self.n, self.p, self.middle
-        first = 2 * n + 2 * p + 1
+        (first, *others), inner = self.blocks
         return KernelParts(
-            self.rows, self.blank,
+            self.rows, self.blank, self.halves,
             slice(2 * n), slice(2 * n + p, 2 * n + 2 * p), slice(n, middle), slice(middle, None),
-            slice(2 * n, first), slice(first, first + 2 * n), slice(first + 2 * n, first + 4 * n),
+            slice(2 * n, first.start), first, tuple(others), tuple(inner),
         )  # fmt: skip
 
     def vector(self, box: Matrix, y0: Matrix | None, y1: Matrix | None, u: Matrix) -> Matrix:
@@ -76,15 +107,30 @@ class Kernel:
         np.abs(v[n:middle], v[middle:])
         return v
 
-    def bounds(self, out: Matrix) -> tuple[Matrix, Matrix]:
-        """(lower, upper) of x from a result."""
-        n = self.n
-        ends = out[2 * n + 2 * self.p + 1 :]
-        if self.candidates == 2:
-            ends = np.maximum(ends[: 2 * n], ends[2 * n :])
-        elif self.candidates > 2:
-            ends = np.maximum.reduce(ends.reshape(self.candidates, 2 * n))
-        return ends[:n], -ends[n:]
+    def ends(self, out: Matrix) -> tuple[Matrix, Matrix]:
+        """[lower; -upper] of x and of z from a result, or from results in rows: (..., 2n) each."""
+        own, inner = (largest([out[..., block] for block in blocks]) for blocks in self.blocks)
+        return own, inner if self.inner else own
+
+    def result(self, out: Matrix) -> Result:
+        """Box and bounds. Overflow leaves the only sound bounds: infinite ones.
+
+        The box that is carried on is the cut one: maps of boxes are monotone, |X| <= R, so that
+        the box and the bounds of every later step are inside those without the cut.
+        """
+        n, size = self.n, float(out[2 * self.n + 2 * self.p])
+        if not math.isfinite(size):
+            nothing = np.full(n, np.inf)
+            box = np.concatenate([nothing, np.zeros(n)])
+            return Result(box, -nothing, nothing, size, BoundsFault.OVERFLOWED)
+        ends, inner = self.ends(out)
+        if not self.is_cut:
+            return Result(out[: 2 * n], ends[:n], -ends[n:], size, None)
+        box = self.halves.dot(inner)
+        if (ends[:n] <= -ends[n:]).all() and box[:n].min() >= 0:
+            return Result(box, ends[:n], -ends[n:], size, None)
+        whole = out[self.blocks[0][0]]
+        return Result(out[: 2 * n], whole[:n], -whole[n:], size, BoundsFault.CROSSED)
 
     def implausible(self, out: Matrix) -> list[str]:
         """Measurements that no state inside the bounds can give: they refute the bounds."""
@@ -98,143 +144,29 @@ class Kernel:
 class KernelParts(NamedTuple):
     """A kernel with slices of v and of a result.
 
-    box, y_end, known, sizes: of v, the entries that also enter by absolute value and these values;
-    checks, first, second: of a result, the last two the candidates for the bounds.
+    box, y_end, known, sizes: of v,
+    the entries that also enter by absolute value and these values; checks, first, others, inner:
+    of a result, the last three the candidates for the bounds of x, and those of z.
     """
 
     rows: Matrix
     blank: Matrix
+    halves: Matrix
     box: slice
     y_end: slice
     known: slice
     sizes: slice
     checks: slice
     first: slice
-    second: slice
+    others: tuple[slice, ...]
+    inner: tuple[slice, ...]
 
 
-def path_kernel(step: BoxMap, p: int) -> Kernel:
-    """The box alone, p outputs, no disturbance, no noise: the effect of rounding on a centre."""
-    n, columns = len(step.g), step.X.mid.shape[1]
-    rows = np.vstack([_radius_rows(replace(step, g=np.zeros(n))), _centre_rows(step)])
-    return Kernel(rows, n, p, 0, _blank(n, columns), n + columns)
-
-
-def kernel(
-    model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, *, strips: bool,
-    noise: Matrix | None = None,
-) -> Kernel:  # fmt: skip
-    """The kernel of a step; predicted: the same step without y1.
-
-    C: in the coordinates of the plant. strips: intersect with |C x - y1| <= V and the prediction.
-    noise: (p,) radius of the noise of y1 whose parts are the last inputs before 1, beside V.
-    """
-    n, p = len(step.g), len(C)
-    columns = step.X.mid.shape[1]
-    y_end = exactly(np.zeros((p, columns)))
-    y_end.mid[:, n + p : n + 2 * p] = np.eye(p)
-    y_end.mid[:, -1] = -model.y_mid
-    if noise is not None:
-        y_end.rad[:, -p - 1 : -1] = np.diag(noise)
-    blocks = [_radius_rows(step), _centre_rows(step)]
-    box = _Rows(step.X, step.R, step.g)
-    before = _Rows(predicted.X, predicted.R, predicted.g)
-    residual = before.times(-model.C, y_end)
-    residual = _Rows(residual.X, residual.R, residual.g + model.V)
-    blocks += [residual.upper(), residual.upper(-1.0)]
-    S = exactly(np.eye(n)) if model.S is None else model.S
-    ends = [_ends(box.times(S))]
-    if strips:
-        ends += _strip_ends(before.times(S), C, model.V, y_end)
-    total = _total(np.vstack([*blocks, *ends]), slice(n, n + columns))
-    rows = np.vstack([*blocks, total, *ends])
-    return Kernel(rows, n, p, len(ends), _blank(n, columns), n + columns)
-
-
-def _blank(n: int, columns: int) -> Matrix:
-    blank = np.zeros(n + 2 * columns)
-    blank[n + columns - 1] = 1.0
-    return blank
-
-
-def _centre_rows(step: BoxMap) -> Matrix:
-    """m+ = X v."""
-    X = step.X.mid
-    return np.hstack([np.zeros((len(X), len(X))), X, np.zeros_like(X)])
-
-
-def _total(rows: Matrix, signed: slice) -> Matrix:
-    """A row, (1, width), that gives twice the sum of |row| |v|; signed: what has a sign in v."""
-    weights: Matrix = 2.0 * np.abs(rows).sum(axis=0, keepdims=True)
-    weights[:, signed.stop :] += weights[:, signed]
-    weights[:, signed] = 0.0
-    return weights
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """Quantities within R r + g of X [m; y0; y1; u; 1]."""
-
-    X: Enclosure
-    R: Matrix
-    g: Matrix
-
-    def times(self, left: Enclosure, plus: Enclosure | None = None) -> _Rows:
-        """left times these, plus a known part."""
-        weight, terms = size(left), 2 * len(self.g)
-        X = left @ self.X
-        return _Rows(
-            X if plus is None else X + plus,
-            raised(weight @ self.R, terms),
-            raised(weight @ self.g, terms),
-        )
-
-    def upper(self, sign: float = 1.0) -> Matrix:
-        """Rows that give at least sign X v + R r + g when they are multiplied in floats."""
-        X = self.X.mid
-        terms = 2 * (self.R.shape[1] + 2 * X.shape[1]) + 8
-        R = raised(self.R, terms)
-        error = raised(self.X.rad + terms * UNIT * np.abs(X), terms)
-        error[:, -1] = raised(error[:, -1] + self.g, terms) + TINY
-        return np.hstack([R, sign * X, error])
-
-
-def _radius_rows(step: BoxMap) -> Matrix:
-    """r+ = R r + g, and the error of m+."""
-    rows = _Rows(step.X, step.R, step.g).upper()
-    n, columns = len(step.g), step.X.mid.shape[1]
-    rows[:, n : n + columns] = 0.0
-    return rows
-
-
-def _ends(rows: _Rows) -> Matrix:
-    """[lower; -upper] of all points within R r + g of X v, rounded outward."""
-    return -np.vstack([rows.upper(-1.0), rows.upper()])
-
-
-def _strip_ends(box: _Rows, C: Matrix, V: Matrix, y_end: Enclosure) -> list[Matrix]:
-    """For each output: x_j from c_j x_j = y - v - sum of the other c_k x_k; else as predicted.
-
-    With several outputs, which cost a reduction anyway, the prediction as a whole comes first.
-    """
-    whole = _ends(box)
-    candidates = [whole] if len(C) > 1 else []
-    n = len(box.g)
-    for i in range(len(C)):
-        ends = whole.copy()
-        for j in np.flatnonzero(C[i]):
-            others = C[i].copy()
-            others[j] = 0.0
-            measured = Enclosure(y_end.mid[i : i + 1], y_end.rad[i : i + 1])
-            term = box.times(exactly(-others[None]), measured)
-            scale = abs(1.0 / C[i, j])
-            if not np.isfinite(scale):
-                continue
-            X = term.X.scaled(1.0 / C[i, j], UNIT * scale)
-            R = raised(term.R * scale, 2)
-            g = raised((term.g + V[i]) * scale, 4)
-            pair = _ends(_Rows(X, R, g))
-            if np.isfinite(pair).all():
-                ends[j], ends[n + j] = pair
-        candidates.append(ends)
-    return candidates
+def largest(blocks: list[Matrix]) -> Matrix:
+    """The largest entries of blocks of one shape; nothing where there are none."""
+    if len(blocks) < 2:
+        return blocks[0] if blocks else np.zeros(0)
+    ends = np.maximum(blocks[0], blocks[1])
+    for block in blocks[2:]:
+        np.maximum(ends, block, out=ends)
+    return ends

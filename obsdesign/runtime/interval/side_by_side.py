@@ -1,7 +1,7 @@
 """One ordinary step of many plants of one design: states, samples and bounds in columns.
 
-Rounding is bounded for the largest entry of every row, so that one vector serves all plants. The
-bounds are not cut with the strip |C x - y| <= V.
+One product with the kernel of the step serves all plants: the numbers are those of a step of their
+own but for the order of summation, which its margins do not depend on.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Indices, Matrix
-from lmi.arithmetic.enclosure import UNIT, raised
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.step_kernels import StepKernels
 
@@ -53,52 +52,32 @@ class BoxesStep(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Plants of one design that make the same step; S: coordinates x = S z."""
+    """Plants of one design that make the same step."""
 
-    S: Matrix | None
     kernel: Kernel
     members: Indices
 
     def advanced(self, boxes: Boxes, measured: Matrix) -> BoxesStep:
         """The step of these boxes with the samples `measured` (p, plants) at its end."""
-        n, p, middle, rows = self.kernel.n, self.kernel.p, self.kernel.middle, self.kernel.rows
-        start = np.zeros_like(measured) if boxes.y is None else boxes.y
-        largest = (_largest(block) for block in (boxes.centre, start, measured, boxes.u))
-        known = np.concatenate([*largest, np.ones(1)])
-        X, checks = rows[n : 2 * n, n:middle], rows[2 * n : 2 * n + p]
-        driven = _Driven(start, measured, boxes.u)
-        centre = driven.added(X[:, :n] @ boxes.centre, X[:, n:])
-        radius = rows[:n, :n] @ boxes.radius
-        radius += raised(rows[:n, middle:] @ known, 4 * middle)[:, None]
-        radius *= 1.0 + 8 * n * UNIT
-        middles = driven.added(checks[:, n : 2 * n] @ boxes.centre, checks[:, 2 * n : middle])
-        reach = checks[:, :n] @ boxes.radius
-        reach += raised(checks[:, middle:] @ known, 4 * middle)[:, None]
-        lower, upper = _bounds(self.S, centre, radius)
-        reach -= np.abs(middles, out=middles)
-        plausible = reach.min(axis=0) >= 0
-        if not np.isfinite(upper.sum() - lower.sum()):
-            plausible &= np.isfinite(upper - lower).all(axis=0)
+        k = self.kernel
+        n, p, middle = k.n, k.p, k.middle
+        v = np.empty((k.width, measured.shape[1]))
+        v[:n], v[n : 2 * n] = boxes.radius, boxes.centre
+        v[2 * n : 2 * n + p] = 0.0 if boxes.y is None else boxes.y
+        v[2 * n + p : 2 * n + 2 * p] = measured
+        v[2 * n + 2 * p : middle - 1], v[middle - 1] = boxes.u, 1.0
+        np.abs(v[n:middle], out=v[middle:])
+        out = k.rows @ v
+        ends, inner = k.ends(out.T)
+        lower, upper = ends[:, :n].T, -ends[:, n:].T
+        radius, centre = out[:n], out[n : 2 * n]
+        plausible = np.isfinite(out[2 * n + 2 * p])
+        if k.is_cut:  # the products of `Kernel.halves`, entry by entry
+            low, high = inner[:, :n].T, -inner[:, n:].T
+            radius, centre = 0.5 * high - 0.5 * low, 0.5 * low + 0.5 * high
+            plausible &= (lower <= upper).all(axis=0) & (radius >= 0).all(axis=0)
+        plausible &= (out[2 * n : 2 * n + 2 * p] >= 0).all(axis=0)
         return BoxesStep(centre, radius, lower, upper, plausible)
-
-
-class _Driven(NamedTuple):
-    """What a step knows beside the box: y at its start and end, and inputs; columns are plants."""
-
-    start: Matrix
-    end: Matrix
-    u: Matrix
-
-    def added(self, total: Matrix, X: Matrix) -> Matrix:
-        """`total`, which is overwritten, plus X [y at the start; y at the end; u; 1]."""
-        p = len(self.end)
-        total += X[:, p : 2 * p] @ self.end
-        total += X[:, -1:]
-        if X[:, :p].any():
-            total += X[:, :p] @ self.start
-        if len(self.u):
-            total += X[:, 2 * p : -1] @ self.u
-        return total
 
 
 def groups_of(
@@ -109,11 +88,10 @@ def groups_of(
     h, size: length of the step and magnitude of its time stamps, (1,) for all or per plant of the
     fleet; has_y: there is a sample at the start.
     """
-    S = kernels.gains.S
     if len(plants) < FEWEST_PLANTS:
         return []
     if len(h) == 1:
-        return [Group(S, kernels.with_sample(float(h[0]), float(size[0]), has_y), plants)]
+        return [Group(kernels.with_sample(float(h[0]), float(size[0]), has_y), plants)]
     steps = np.column_stack([h[plants], np.frexp(size[plants])[1]])
     _, firsts, inverse, counts = np.unique(
         steps, axis=0, return_index=True, return_inverse=True, return_counts=True
@@ -124,23 +102,4 @@ def groups_of(
         kernel = kernels.with_sample(float(h[first]), float(size[first]), has_y)
         alike = members.setdefault(id(kernel), (kernel, []))[1]
         alike.append(plants[inverse.reshape(-1) == k])
-    return [Group(S, kernel, np.concatenate(alike)) for kernel, alike in members.values()]
-
-
-def _bounds(S: Matrix | None, centre: Matrix, radius: Matrix) -> tuple[Matrix, Matrix]:
-    """Return bounds of x = S z, rounded outward by widening the radius."""
-    if S is not None:
-        spread = raised(np.abs(S) @ (radius + 8 * len(S) * UNIT * np.abs(centre)), 4 * len(S))
-        centre, radius = S @ centre, spread
-    # in place: arrays of many plants are slow to allocate
-    widened = np.abs(centre)
-    widened += radius
-    widened *= 4 * UNIT
-    widened += radius
-    return centre - widened, centre + widened
-
-
-def _largest(values: Matrix) -> Matrix:
-    """Largest absolute value of each row."""
-    largest: Matrix = np.maximum(values.max(axis=1), -values.min(axis=1))
-    return largest
+    return [Group(kernel, np.concatenate(alike)) for kernel, alike in members.values()]

@@ -1,10 +1,8 @@
-"""Whole records at once: stretches of equal steps as two linear recursions in blocks.
+"""Whole records at once: stretches of equal steps in a loop of their products alone.
 
-Where nothing but samples in time happens, centre and radius obey m+ = A m + d and r+ = R r + a with
-the same A and R in every row. Any path of centres will do, as long as the radius takes up how far
-it is from the exact map (the defect, which is computed): so the centres may come from matrix
-products over blocks of rows, in any order of summation. The first row that a stretch cannot
-explain is left to `step`.
+Where nothing but samples in time happens, every row is one product with one matrix, and the box of
+the next row is cut from it: the numbers are those of `step`. Objections are looked for afterwards.
+The first row that a stretch cannot explain is left to `step`.
 """
 
 from __future__ import annotations
@@ -16,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
-from lmi.arithmetic.enclosure import UNIT, raised
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
@@ -27,7 +24,6 @@ from obsdesign.runtime.step_cache import shared_length
 
 Step = Callable[[IntervalState, Sample], tuple[IntervalState, Estimate]]
 
-_BLOCK = 16
 # rows of a stretch that are done together
 _FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
@@ -47,35 +43,32 @@ def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> S
     y0, y1: (rows, p) measurements at the start and the end of each step; u: (rows, m) inputs that
     hold over it.
     """
-    n, p, middle = kernel.n, kernel.p, kernel.middle
-    count = len(y1)
+    n, p, count = kernel.n, kernel.p, len(y1)
+    n2, n2p = 2 * n, 2 * n + p
+    v = np.tile(kernel.blank, (count, 1))
+    v[:, n2:n2p], v[:, n2p : n2p + p], v[:, n2p + p : kernel.middle - 1] = y0, y1, u
+    np.abs(v[:, n : kernel.middle], out=v[:, kernel.middle :])
+    out, boxes = np.empty((count, len(kernel.rows))), np.empty((count + 1, n2))
+    boxes[0], sizes = box, slice(kernel.middle, kernel.middle + n)
+    (first, *others), inner = kernel.blocks
+    if inner:
+        first, *others = inner
     with np.errstate(over="ignore", invalid="ignore"):
-        known = np.empty((count, middle - n))
-        known[:, n : n + p], known[:, n + p : n + 2 * p] = y0, y1
-        known[:, n + 2 * p : -1], known[:, -1] = u, 1.0
-        X = kernel.rows[n : 2 * n, n:middle]
-        driven = known[:, n:] @ X[:, n:].T
-        centres = _recursion(X[:, :n], driven, box[n:])
-        known[0, :n], known[1:, :n] = box[n:], centres[:-1]
-        defect = np.abs(centres - known @ X.T)
-        added = raised(np.abs(known) @ kernel.rows[:n, middle:].T + defect, 4 * middle)
-        radii = _upper_recursion(kernel.rows[:n, :n], added, box[:n])
-        v = np.empty((count, kernel.width))
-        v[0, :n], v[1:, :n] = box[:n], radii[:-1]
-        v[:, n:middle] = known
-        np.abs(known, out=v[:, middle:])
-        out = v @ kernel.rows[2 * n :].T
-        ends = out[:, 2 * p + 1 : 2 * p + 1 + 2 * n]
-        for k in range(1, kernel.candidates):
-            np.maximum(ends, out[:, 2 * p + 1 + 2 * n * k :][:, : 2 * n], out=ends)
-        lower, upper = ends[:, :n], -ends[:, n:]
+        for given, before, after, result in zip(v, boxes[:-1], boxes[1:], out, strict=True):
+            given[:n2] = before
+            np.abs(before[n:], given[sizes])
+            np.dot(kernel.rows, given, result)
+            ends = result[first]
+            for block in others:
+                ends = np.maximum(ends, result[block])
+            after[:] = kernel.halves.dot(ends) if others else result[:n2]
+        bounds, _ = kernel.ends(out)
+        lower, upper = bounds[:, :n], -bounds[:, n:]
         # a number that is not finite makes a comparison fail
-        fine = (out[:, : 2 * p].min(axis=1) >= 0) & (out[:, 2 * p] < math.inf)
-        if p > 1:
-            fine &= (lower <= upper).all(axis=1)
+        fine = (out[:, n2 : n2 + 2 * p].min(axis=1) >= 0) & (out[:, n2 + 2 * p] < math.inf)
+        fine &= (lower <= upper).all(axis=1) & (boxes[1:, :n] >= 0).all(axis=1)
     kept = count if fine.all() else int(np.argmin(fine))
-    last = box if kept == 0 else np.concatenate([radii[kept - 1], centres[kept - 1]])
-    return Stretch(lower[:kept], upper[:kept], last)
+    return Stretch(lower[:kept], upper[:kept], boxes[kept])
 
 
 @dataclass(frozen=True)
@@ -181,48 +174,3 @@ class Stretches:
         alike = np.abs(steps - length) <= half
         alike &= self.clock.regular_steps(steps, times[row:end])
         return row + int(np.argmin(np.append(alike, False)))
-
-
-def _recursion(A: Matrix, driven: Matrix, start: Matrix) -> Matrix:
-    """x_k = A x_{k-1} + driven_k, x_{-1} = start: rows x_k, by blocks."""
-    n = len(A)
-    powers = [np.eye(n)]
-    for _ in range(_BLOCK):
-        powers.append(powers[-1] @ A)
-    return _blocks(np.array(powers), driven, start, 0)
-
-
-def _upper_recursion(R: Matrix, added: Matrix, start: Matrix) -> Matrix:
-    """The same with R, added, start >= 0, rounded up."""
-    n = len(R)
-    powers = [np.eye(n)]
-    for _ in range(_BLOCK):
-        powers.append(np.where(powers[-1] @ R > 0, raised(powers[-1] @ R, 2 * n), 0.0))
-    return _blocks(np.array(powers), added, start, 2 * n * (_BLOCK + 2))
-
-
-def _blocks(powers: Matrix, driven: Matrix, start: Matrix, terms: int) -> Matrix:
-    """Return rows x_k: blocks from zero in one product, then the contribution of their starts."""
-    count, n = driven.shape
-    size = min(_BLOCK, count)
-    blocks = -(-count // size)
-    padded = np.zeros((blocks * size, n))
-    padded[:count] = driven
-    # row (i, a), column (j, b): what driven_i, entry a, adds to x_j, entry b
-    toeplitz = np.zeros((size, n, size, n))
-    for lag in range(size):
-        for j in range(lag, size):
-            toeplitz[j - lag, :, j, :] = powers[lag].T
-    local = padded.reshape(blocks, size * n) @ toeplitz.reshape(size * n, size * n)
-    ends = local.reshape(blocks, size, n)[:, -1]
-    starts = np.empty((blocks, n))
-    whole, x, grown = powers[size], start, 1.0 + 2 * terms * UNIT
-    for i in range(blocks):
-        starts[i] = x
-        x = (whole @ x + ends[i]) * grown
-    spread = powers[1 : size + 1].transpose(2, 0, 1).reshape(n, size * n)
-    total = local + starts @ spread
-    if terms:
-        total = raised(total, terms)
-    result: Matrix = total.reshape(blocks * size, n)[:count]
-    return result
