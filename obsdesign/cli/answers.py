@@ -137,6 +137,8 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     chosen, seconds = outcome.result.get("form"), outcome.result.get("seconds")
     form = "" if chosen is None else f", form {chosen}"
     console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")
+    for warning in outcome.warnings if outcome.verdict != "refuted" else ():
+        console.print(f"[yellow]warning[/]: {escape(warning)}")
     table = Table(box=None, pad_edge=False, header_style="dim")
     for title in ("verdict", "claim", "what, and why"):
         table.add_column(title, overflow="fold")
@@ -161,8 +163,6 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
         word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
         console.print(f"{word}: {escape(guarantee.statement)}")
-    for warning in outcome.warnings if outcome.verdict != "refuted" else ():
-        console.print(f"[yellow]warning[/]: {escape(warning)}")
 
 
 def _untried_forms(outcome: Outcome) -> set[str]:

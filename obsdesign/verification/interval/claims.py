@@ -85,6 +85,8 @@ def claims(
     agreement = _invertible(gains, _within_limit(problem, gains, agreement))
     if agreement.verdict != "proved":
         return (agreement,)
+    if not (gains.L.any() or gains.M.any()):
+        agreement = replace(agreement, evidence={**agreement.evidence, "gains": "zero"})
     source = f"{PAPER}, {THEOREMS[gains.form]}"
     constraints = constraint_claims(problem, gains, {"L": gains.L, "M": gains.M})
     obstruction = obstruction_claim(problem, gains, source)
