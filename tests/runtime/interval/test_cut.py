@@ -19,7 +19,7 @@ from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.set_membership.tape import strip_cut
 from tests.runtime.interval.test_row_bounds import MODES, case, record, run, violation
-from tests.runtime.interval.test_samples import sampled_observer
+from tests.runtime.interval.test_samples import sampled_observer, sampled_run
 from tests.systems.interval_runs import SIMULATION_ROUNDING, observer_for, random_plant
 
 SLACK = 1e-9
@@ -136,3 +136,9 @@ def test_the_twin_within_the_noise_is_ok() -> None:
     rows = [Sample(float(k), np.array([y])) for k, y in enumerate([0.09, -0.09, -0.1])]
     estimates = observer.run(observer.init(0.0, lower=[-1], upper=[1]), rows)
     assert {e.status for e in estimates} == {"ok"}
+
+
+@pytest.mark.parametrize("seed", [21849, 21850])
+def test_a_late_sample_ends_a_course_with_the_state_inside(seed: int) -> None:
+    # the centre of a course and its radius must come from one map: one output, missing samples
+    assert sampled_run(seed) <= SIMULATION_ROUNDING
