@@ -18,7 +18,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
-from obsdesign.verification.document import document_claim, sentences_from
+from obsdesign.verification.document import document_claim, sentences_from, state_rows
 from obsdesign.verification.kind import verification_of
 from obsdesign.version import __version__, solver_record, version_of
 
@@ -155,6 +155,8 @@ def _attempted(
     if verdict == "proved" and not first and not any(one.evidence for one in remarks):
         remarks += remark_end("a better design", budget.ended())
     result = _result(problem, best.candidate.label, tried) | {"seconds": round(best.seconds, 6)}
+    if rows := state_rows(problem, claims):
+        result |= {"states": rows}
     better = verdict == "proved"
     if texts := sentences(one for one in remarks if not one.evidence or (better and one.matters)):
         result |= {"remarks": texts}
@@ -289,8 +291,10 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     except OversizeError as error:
         raise InputError(str(error)) from None
     document, sentences = document_claim(problem, design, claims)
+    rows = state_rows(problem, claims)
     claims = (*claims, document)
     verdict = overall(claim.verdict for claim in claims)
+    result = {"states": rows} if rows else {}
     return Outcome(
-        verdict, design.kind, claims, {}, design, sentences.guarantees, sentences.warnings
+        verdict, design.kind, claims, result, design, sentences.guarantees, sentences.warnings
     )

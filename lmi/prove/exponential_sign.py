@@ -10,13 +10,13 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 from lmi.arithmetic.arrays import NewEntries
 from lmi.arithmetic.balls import Ball, Balls, Exact, ball, exp_times, number, to_float
 from lmi.time_budget import UNLIMITED, TimeBudget
 
 _TERMS = 24
-_BITS_PER_UNIT = 1.0  # boxes per unit of |F| length
 _MOST_BOXES = 20_000
 _DEPTH = 14
 
@@ -62,11 +62,12 @@ def boxes(
     At the precision in force. ValueError when there would be too many boxes.
     """
     size = float(abs(to_float(F)).sum(axis=1).max())
-    count = max(1, math.ceil(size * (end - start) * _BITS_PER_UNIT))
+    count = max(1, math.ceil(size * (end - start)))  # |F| width is at most one
     if count > min(_MOST_BOXES, math.inf if effort is None else effort.left):
         raise ValueError(f"|F| times the length is {size * (end - start):.3g}, too much to cover")
     width = 2.0 ** math.ceil(math.log2((end - start) / count))  # exact in binary
-    count = math.ceil((end - start) / width)
+    # a difference in floats may be one rounding short of the end
+    count = math.ceil((Fraction(end) - Fraction(start)) / Fraction(width))
     F_ball, step = ball(F), exp_times(F, width)
     at = exp_times(F, start) * z
     norm = number(size * (1 + 1e-12))

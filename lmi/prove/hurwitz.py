@@ -30,15 +30,21 @@ from lmi.memory import require_memory
 from lmi.verdict import Verdict, proved, refuted
 
 
-def real_spectrum(F: Exact) -> bool:
-    """Decide by Sturm's sequence whether all eigenvalues of the exact matrix F are real."""
+def real_spectrum(F: Exact) -> bool | None:
+    """Decide by Sturm's sequence whether all eigenvalues of the exact matrix F are real.
+
+    None for more than 40 rows, whose sequence would take more than a few seconds.
+    """
+    if len(F) > _MOST_ROWS:
+        return None
     chain = [characteristic_polynomial(F)]
     chain.append([k * c for k, c in enumerate(chain[0])][1:])
     while True:
         remainder = _remainder(chain[-2], chain[-1])
         if not remainder:
             break
-        chain.append([-c for c in remainder])
+        size = abs(remainder[-1])  # without it the digits of the coefficients double in each step
+        chain.append([-c / size for c in remainder])
     distinct = (len(chain[0]) - 1) - (len(chain[-1]) - 1)
     at_ends = []
     for end in (-1, 1):
@@ -59,6 +65,7 @@ def _remainder(p: list[Rational], q: list[Rational]) -> list[Rational]:
     return remainder
 
 
+_MOST_ROWS = 40
 # bound on the ratio of modal weights
 _LARGEST_WEIGHT_RATIO = 30.0
 

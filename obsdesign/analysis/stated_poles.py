@@ -6,6 +6,7 @@ no coefficient does.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -44,10 +45,18 @@ class Gap:
 
 
 def with_conjugates(poles: Sequence[Pole]) -> NDArray[np.complex128]:
-    """Numbers or pairs [real, imaginary] as complex numbers; one of a pair stands for both."""
-    values = np.array([complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles])
-    lonely = [v for v in values if v.imag and not np.any(np.isclose(values, v.conjugate()))]
-    return np.concatenate([values, np.conjugate(lonely)])
+    """Numbers or pairs [real, imaginary] as complex numbers; one of a pair stands for both.
+
+    Two are a pair where they are conjugate exactly: a distance would need a unit of time.
+    """
+    values = [complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles]
+    counts = Counter(values)
+    pairs = [
+        value
+        for upper in dict.fromkeys(complex(v.real, abs(v.imag)) for v in values if v.imag)
+        for value in [upper, upper.conjugate()] * max(counts[upper], counts[upper.conjugate()])
+    ]
+    return np.array([v for v in values if not v.imag] + pairs, dtype=np.complex128)
 
 
 def real_factors(poles: Sequence[Pole]) -> list[list[Rational]]:
@@ -72,7 +81,10 @@ def gap(F: Exact, poles: Sequence[Pole], changes: Iterable[Exact] = ()) -> Gap:
     changes: (n, n) each, what the rounding of one gain adds to F.
     """
     values = with_conjugates(poles)
-    largest = float(np.abs(values).max(initial=0.0)) or float(np.abs(to_float(F)).max()) or 1.0
+    pace = float(np.abs(values).max(initial=0.0))
+    # poles at 0 alone state no unit of time in which a distance could count as none
+    tolerance = rational(TOLERANCE if pace else 0.0)
+    largest = pace or float(np.abs(to_float(F)).max()) or 1.0
     sizes = [float(abs(v)) or _SIZE_OF_ZERO * largest for v in values.tolist()]
     stated = product(real_factors(poles))
     quotient, remainder = _divided(characteristic_polynomial(F), stated)
@@ -85,7 +97,7 @@ def gap(F: Exact, poles: Sequence[Pole], changes: Iterable[Exact] = ()) -> Gap:
         room = [r + abs(b - a) for r, a, b in zip(room, remainder, other, strict=True)]
     parts = [(abs(c) / s, r / s) for c, r, s in zip(remainder, room, scale, strict=False)]
     degree = max(range(len(parts)), key=lambda k: parts[k][0])
-    is_rounding = all(part <= rational(TOLERANCE) + space for part, space in parts)
+    is_rounding = all(part <= tolerance + space for part, space in parts)
     return Gap(nearest_float(parts[degree][0]), degree, is_rounding)
 
 

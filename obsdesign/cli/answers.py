@@ -18,6 +18,8 @@ from obsdesign.verification.answers import is_ended, more_time, reason
 from obsdesign.workflow import FormAnswer, Outcome
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
     from obsdesign.studies.comparison.row import ComparisonRow
 
@@ -137,6 +139,8 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     chosen, seconds = outcome.result.get("form"), outcome.result.get("seconds")
     form = "" if chosen is None else f", form {chosen}"
     console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")
+    if rows := outcome.result.get("states"):
+        console.print(_state_table(rows))
     for warning in outcome.warnings if outcome.verdict != "refuted" else ():
         console.print(f"[yellow]warning[/]: {escape(warning)}")
     table = Table(box=None, pad_edge=False, header_style="dim")
@@ -163,6 +167,23 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
         word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
         console.print(f"{word}: {escape(guarantee.statement)}")
+
+
+def _state_table(rows: Sequence[Entries]) -> Table:
+    """Widths of each state, the numbers that a design is about."""
+    from rich.table import Table
+
+    columns = {"strip": "sensor strip", "width": "certified width", "best": "least possible",
+               "ratio": "ratio"}  # fmt: skip
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("state")
+    for title in columns.values():
+        table.add_column(title, justify="right", no_wrap=True)
+    for row in rows:
+        numbers = ["-" if row[key] is None else f"{row[key]:.4g}" for key in columns]
+        unit = "" if row["unit"] is None else f" [{row['unit']}]"
+        table.add_row(row["name"] + unit, *numbers)
+    return table
 
 
 def _untried_forms(outcome: Outcome) -> set[str]:

@@ -7,7 +7,23 @@ from typing import Protocol
 from lmi.arithmetic.arrays import Matrix
 
 
-class Flow(Protocol):
+class Disturbed(Protocol):
+    """Bounds of b or c, or of w where b = Bw w, c = W w."""
+
+    @property
+    def disturbance_matrix(self) -> Matrix | None:
+        """(n, k), None where the bounds are those of b or c itself."""
+
+    @property
+    def lower(self) -> Matrix:
+        """Lower bound (n,), or of w (k,)."""
+
+    @property
+    def upper(self) -> Matrix:
+        """Upper bound (n,), or of w (k,)."""
+
+
+class Flow(Disturbed, Protocol):
     """Numbers of x' = A x + B u + b."""
 
     @property
@@ -23,7 +39,7 @@ class Flow(Protocol):
         """(lower, upper) bounds of b, (n,) each."""
 
 
-class Jump(Protocol):
+class Jump(Disturbed, Protocol):
     """Numbers of x+ = G x + E w + H g + c."""
 
     @property
@@ -81,6 +97,10 @@ class Output(Protocol):
     @property
     def measured(self) -> str:
         """When y is measured."""
+
+    @property
+    def period(self) -> float | None:
+        """Time between samples, None where it is not fixed."""
 
     @property
     def jump_measurement(self) -> str:

@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix, NewEntries, Value
+from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.entries import (
-    bounds,
     is_number,
     matrix,
     positive,
@@ -29,9 +28,9 @@ from obsdesign.entries import (
     size_text,
     vector,
 )
-from obsdesign.equations.boxes import image_box
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
+from obsdesign.problem.blocks import Block, DisturbedBlock, set_fields
 from obsdesign.problem.schema import DWELL_RANGE, POSITIVE, file_entry, one_of, ref
 
 MEASURED = ("continuous", "periodic", "at_jumps")
@@ -40,18 +39,8 @@ JUMP_MEASUREMENTS = ("before", "after", "none")
 _DEFAULT: Value = None
 
 
-class Block:
-    """A block of a plant; two are equal where all entries are."""
-
-    def __eq__(self, other: object) -> bool:
-        if type(other) is not type(self):
-            return False
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return all((a is None) == (b is None) and np.array_equal(a, b) for a, b in pairs)
-
-
 @dataclass(frozen=True, eq=False)
-class Flow(Block):
+class Flow(DisturbedBlock):
     """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b.
 
     With a disturbance_matrix Bw (n, k), b = Bw w(t) and lower, upper (k,) are bounds of w.
@@ -77,23 +66,18 @@ class Flow(Block):
         if A.shape != (n, n):
             raise InputError(f"flow.A must be square; got {size_text(A)}.")
         names = ("B", "D", "disturbance_matrix")
-        _set(self, A=A, **_inputs(self, "flow", names, n, f"flow.A ({size_text(A)})"))
-        lower, upper = _disturbance(self, "flow", n)
-        _set(self, lower=lower, upper=upper)
-
-    @property
-    def disturbance_columns(self) -> Matrix:
-        """Bw of b = Bw w, (n, k); the identity where the bounds are those of b itself."""
-        return _columns(self, len(self.A))
+        set_fields(self, A=A, **self.matrices("flow", names, n, f"flow.A ({size_text(A)})"))
+        lower, upper = self.checked_bounds("flow", n)
+        set_fields(self, lower=lower, upper=upper)
 
     @property
     def b_bounds(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) of b, (n,): the box around all Bw w, rounded outward."""
-        return _box_of(self)
+        return self.disturbance_box()
 
 
 @dataclass(frozen=True, eq=False)
-class Jump(Block):
+class Jump(DisturbedBlock):
     """G (n, n), None for the identity; E (n, k) known jump input; H (n, r) unknown impulses.
 
     lower, upper (n,): bounds of c; with a disturbance_matrix W (n, k), c = W w and they are bounds
@@ -128,32 +112,27 @@ class Jump(Block):
             G = matrix(self.G, "jump.G")
             if G.shape[0] != G.shape[1]:
                 raise InputError(f"jump.G must be square; got {size_text(G)}.")
-            _set(self, G=G)
+            set_fields(self, G=G)
         jitter = real(self.dwell_jitter, "jump.dwell_jitter")
         if not jitter >= 0:
             raise InputError(f"jump.dwell_jitter must be a number >= 0 or inf; got {jitter!r}.")
-        _set(self, dwell_time=_dwell_time(self.dwell_time), dwell_jitter=jitter)
+        set_fields(self, dwell_time=_dwell_time(self.dwell_time), dwell_jitter=jitter)
 
     def completed(self, n: int, why: str) -> Jump:
         """The jump of a plant with n states: identity and zero bounds filled in, sizes checked."""
         G = np.eye(n) if self.G is None else self.G
         require_shape(matrix(G, "jump.G"), "jump.G", (n, n), why)
         names = ("E", "H", "disturbance_matrix")
-        inputs = _inputs(self, "jump", names, n, why.removeprefix("one per state of "))
-        lower, upper = _disturbance(self, "jump", n)
+        inputs = self.matrices("jump", names, n, why.removeprefix("one per state of "))
+        lower, upper = self.checked_bounds("jump", n)
         result = Jump(G, None, None, lower, upper, self.dwell_time, self.dwell_jitter)
-        _set(result, lower=lower, upper=upper, **inputs)
+        set_fields(result, lower=lower, upper=upper, **inputs)
         return result
-
-    @property
-    def disturbance_columns(self) -> Matrix:
-        """W of c = W w, (n, k); the identity where the bounds are those of c itself."""
-        return _columns(self, len(self.G))
 
     @property
     def c_bounds(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) of c, (n,): the box around all W w, rounded outward."""
-        return _box_of(self)
+        return self.disturbance_box()
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,15 +175,15 @@ class Output(Block):
 
     def __post_init__(self) -> None:
         C = matrix(self.C, "output.C")
-        _set(self, C=C)
+        set_fields(self, C=C)
         if self.noise_bound is not None:
             pairs = _noise_pairs(self.noise_bound, C)
             if pairs is None:
                 pairs = _noise(self.noise_bound, C, "noise_bound")
-            _set(self, noise_bound=pairs)
+            set_fields(self, noise_bound=pairs)
         for name in ("noise_std", "noise_cv"):
             values = getattr(self, name)
-            _set(self, **{name: _noise(0.0 if values is None else values, C, name)})
+            set_fields(self, **{name: _noise(0.0 if values is None else values, C, name)})
         for name, words in (("measured", MEASURED), ("jump_measurement", JUMP_MEASUREMENTS)):
             if getattr(self, name) not in words:
                 raise InputError(
@@ -216,7 +195,7 @@ class Output(Block):
                 "got 'none', which leaves no measurement at all."
             )
         if self.period is not None:
-            _set(self, period=positive(real(self.period, "output.period"), "output.period"))
+            set_fields(self, period=positive(real(self.period, "output.period"), "output.period"))
         elif self.measured == "periodic":
             raise InputError("output.period is required when measured = 'periodic'; it is missing.")
 
@@ -251,10 +230,12 @@ class Plant:
         n = len(A)
         require_shape(C, "output.C", (None, n), f"one per state of flow.A ({size_text(A)})")
         if self.jump is not None:
-            _set(self, jump=self.jump.completed(n, f"one per state of flow.A ({size_text(A)})"))
+            set_fields(
+                self, jump=self.jump.completed(n, f"one per state of flow.A ({size_text(A)})")
+            )
         if self.output.measured == "at_jumps" and self.jump is None:
             raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
-        _set(self, n=n, p=len(C))
+        set_fields(self, n=n, p=len(C))
 
 
 def _noise(values: Value, C: Matrix, name: str) -> Matrix:
@@ -293,38 +274,6 @@ def _noise_pairs(values: Value, C: Matrix) -> Matrix | None:
     return pairs
 
 
-def _inputs(
-    block: Flow | Jump, name: str, matrices: tuple[str, ...], n: int, states: str
-) -> NewEntries:
-    """Optional matrices with one row per state."""
-    result = {}
-    for key in matrices:
-        values = getattr(block, key)
-        if values is not None:
-            result[key] = matrix(values, f"{name}.{key}")
-            require_shape(result[key], f"{name}.{key}", (n, None), f"one per state of {states}")
-    return result
-
-
-def _disturbance(block: Flow | Jump, name: str, n: int) -> tuple[Matrix, Matrix]:
-    """Bounds of b or c, one per state; of w, one per column of the disturbance matrix."""
-    if block.disturbance_matrix is None:
-        return bounds(block.lower, block.upper, n, f"{name}.disturbance")
-    columns = matrix(block.disturbance_matrix, f"{name}.disturbance_matrix").shape[1]
-    item = f"column of {name}.disturbance_matrix"
-    return bounds(block.lower, block.upper, columns, f"{name}.disturbance", item)
-
-
-def _columns(block: Flow | Jump, n: int) -> Matrix:
-    return np.eye(n) if block.disturbance_matrix is None else block.disturbance_matrix
-
-
-def _box_of(block: Flow | Jump) -> tuple[Matrix, Matrix]:
-    if block.disturbance_matrix is None:
-        return block.lower, block.upper
-    return image_box(block.disturbance_matrix, block.lower, block.upper)
-
-
 def _dwell_time(values: Value) -> tuple[float, float] | None:
     entry = "jump.dwell_time"
     if values is None:
@@ -345,9 +294,3 @@ def _dwell_time(values: Value) -> tuple[float, float] | None:
     if high == 0:
         raise InputError(f"{entry}: the longest dwell time must be > 0; got [0, 0].")
     return low + 0.0, high
-
-
-def _set(target: object, **values: Value) -> None:
-    """Fill fields of a frozen dataclass while it is being made."""
-    for name, value in values.items():
-        object.__setattr__(target, name, value)

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -46,7 +45,7 @@ class GainVariables:
     PM: Expression | None = None
 
 
-UserConstraints = Callable[[GainVariables], Iterable[Any]]
+UserConstraints = Callable[[GainVariables], Iterable[Expression]]
 
 
 def inactive_constraints(

@@ -17,11 +17,13 @@ from lmi.arithmetic.balls import (
     number,
     precision,
     solve_entries,
+    to_float,
 )
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.analysis.riccati import riccati_shift
 from obsdesign.analysis.stated_poles import complex_text, gap, real_factors, with_conjugates
+from obsdesign.entries import LARGEST
 from obsdesign.errors import InputError
 from obsdesign.problem.options import Pole
 
@@ -73,24 +75,42 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
     unobservable (no gain moves its eigenvalue).
     """
     wanted = _poles(poles, len(A))
-    if hidden := approx_unobservable_modes(A, C):
-        raise InputError(
-            f"observer.poles: the mode {complex_text(hidden[0].eigenvalue)} of flow.A cannot be "
-            "moved, since output.C does not see it; leave poles out."
-        )
     sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
-    if len(C) == 1:
-        L = _unique_gain(exact(A), exact(C), poles, sizes)
-        if L is None:
-            raise _unresolved()
-        return L
     shown = C * sizes
     rows = np.linalg.norm(shown, axis=1)
     rows = np.where(rows > 0, rows, 1.0)
     balanced, C_unit = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
-    placed = _robust_gain(balanced, C_unit, wanted / pace)
-    placed = placed * sizes[:, None] * pace / rows
-    return _corrected_gain(A, C, poles, placed, sizes=sizes, rows=rows)
+    hidden = approx_unobservable_modes(balanced, C_unit)
+    L = None
+    if len(C) > 1 and not hidden:
+        L = _robust_gain(balanced, C_unit, wanted / pace)
+    if L is not None:
+        L = L * sizes[:, None] * pace / rows
+        return _admissible(_corrected_gain(A, C, poles, L, sizes=sizes, rows=rows))
+    w = _mixture(rows)
+    column = _unique_gain(exact(A), exact(w[None]) @ exact(C), poles, sizes)
+    if column is not None:
+        return _admissible(column * w)
+    if hidden:
+        mode = complex_text(hidden[0].eigenvalue * pace)
+        raise InputError(
+            f"observer.poles: the mode {mode} of flow.A cannot be moved, since output.C does not "
+            "see it; leave poles out."
+        )
+    raise InputError(
+        "observer.poles cannot be placed: floats do not resolve how output.C sees the plant; are "
+        "the units right?"
+    )
+
+
+def _admissible(L: Matrix) -> Matrix:
+    """L, which may be given too; InputError where its entries exceed those of a problem."""
+    if not np.abs(L).max() <= LARGEST:
+        raise InputError(
+            f"observer.poles need a gain with an entry of {np.abs(L).max():.3g}, and at most "
+            f"{LARGEST:g} is admissible: poles nearer to those of flow.A, or another unit of time."
+        )
+    return L
 
 
 def _unique_gain(A: Exact, c: Exact, poles: Sequence[Pole], sizes: Matrix) -> Matrix | None:
@@ -101,6 +121,7 @@ def _unique_gain(A: Exact, c: Exact, poles: Sequence[Pole], sizes: Matrix) -> Ma
     shows that (A, c) is observable.
     """
     n, factors = len(A), real_factors(poles)
+    usual = _usual_gain(to_float(A), to_float(c), sizes)
     for bits in _PRECISIONS:
         with precision(bits):
             flow, rows = entries(ball(A)), [entries(ball(c))[0]]
@@ -115,16 +136,26 @@ def _unique_gain(A: Exact, c: Exact, poles: Sequence[Pole], sizes: Matrix) -> Ma
                 for _ in factor[1:]:
                     powers.append(flow @ powers[-1])
                 column = sum(k * power for k, power in zip(factor, powers, strict=True))
-            L = _rounded(column, sizes)
+            L = _rounded(column, sizes, usual)
         if L is not None:
             return L if np.isfinite(L).all() else None
     return None
 
 
-def _rounded(column: Exact, sizes: Matrix) -> Matrix | None:
-    """Nearest floats of balls (n, 1); None unless all are narrow, against zero in the sizes."""
+def _usual_gain(A: Matrix, c: Matrix, sizes: Matrix) -> float:
+    """What changes A (n, n) by its own size, in the sizes of the states; 0 without an output."""
+    output = float(np.abs(c * sizes).max())
+    return float(np.abs(A * sizes / sizes[:, None]).max()) / output if output else 0.0
+
+
+def _rounded(column: Exact, sizes: Matrix, usual: float) -> Matrix | None:
+    """Nearest floats of balls (n, 1); None unless all are narrow, against zero in the sizes.
+
+    usual: size of a gain in the sizes of the states.
+    """
     balls = column[:, 0].tolist()
     largest = max(abs(x.mid()) / number(size) for x, size in zip(balls, sizes, strict=True))
+    largest = max(largest, number(usual))
     for x, size in zip(balls, sizes.tolist(), strict=True):
         if not x.rad() <= max(abs(x.mid()) * _NARROW, largest * number(size) * _ZERO):
             return None
@@ -141,7 +172,7 @@ def _corrected_gain(
     before = gap(error, poles).relative
     if before <= _ACCURATE:
         return L
-    w = np.exp2(-np.arange(len(C)) / 2) / rows
+    w = _mixture(rows)
     column = _unique_gain(error, exact(w[None]) @ outputs, poles, sizes)
     if column is None:
         return L
@@ -150,29 +181,22 @@ def _corrected_gain(
     return corrected if after < before else L
 
 
-def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix:
+def _mixture(rows: Matrix) -> Matrix:
+    """Weights (p,) of the outputs, of sizes `rows`, in one output that sees what they see."""
+    return np.asarray(np.exp2(-np.arange(len(rows)) / 2) / rows if len(rows) > 1 else [1.0])
+
+
+def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix | None:
+    """Gain of a method that wants independent outputs, and no pole more often; None elsewhere."""
     from scipy.signal import place_poles
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # less robust than hoped for: the claim `poles` decides
             placed = place_poles(A.T, C.T, poles)
-    except ValueError as error:
-        if "repeated" in str(error):
-            most = np.linalg.matrix_rank(C)
-            raise InputError(
-                f"observer.poles cannot be placed: a pole may stand at most {most} times, once per "
-                "output."
-            ) from None
-        raise _unresolved() from None
+    except ValueError:
+        return None
     return np.asarray(placed.gain_matrix.T, dtype=np.float64)
-
-
-def _unresolved() -> InputError:
-    return InputError(
-        "observer.poles cannot be placed: floats do not resolve how output.C sees the plant; are "
-        "the units right?"
-    )
 
 
 def _poles(poles: Sequence[Pole], n: int) -> NDArray[np.complex128]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
+from lmi.arithmetic.arrays import NewEntries
 from lmi.verdict import proved, refuted, undecided
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.kind import Warns, conclusions_of
+from obsdesign.verification.kind import StatesWidths, Warns, conclusions_of
 from obsdesign.verification.same_evidence import (
     ADDED_CLAIMS,
     OLDER_WORDING,
@@ -44,6 +45,13 @@ def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
     return Sentences(guarantees, warnings)
 
 
+def state_rows(problem: Problem, claims: tuple[Claim, ...]) -> list[NewEntries]:
+    """Numbers of each state, by name, from proved claims; none of kinds that have none."""
+    kind = conclusions_of(problem.require_kind())
+    rows = kind.states(problem, claims) if isinstance(kind, StatesWidths) else ()
+    return [asdict(row) for row in rows]
+
+
 def document_claim(
     problem: Problem, design: Design, claims: tuple[Claim, ...]
 ) -> tuple[Claim, Sentences]:
@@ -66,7 +74,8 @@ def document_claim(
     sentences = _confirmed_sentences(problem, assumed)
     older = _claims_of_older_wording(stored, assumed)
     gap = None if older else _evidence_gap(stored, assumed)
-    if entry := _false_entry(design, assumed, sentences, older, gap):
+    entry = _false_entry(design, assumed, sentences, older, gap)
+    if entry is not None:  # an entry may be named "" in a forged file
         because = f"the document's {entry!r} is not what its gains and problem give"
         verdict = refuted({"entry": entry, "reason": because})
     elif open_now:
@@ -103,12 +112,15 @@ def _false_entry(
     """
     stored = {claim.id: claim for claim in design.claims}
     written = tuple(stored[claim.id] if claim in older else claim for claim in claims)
-    if entry := _difference(design.claims, written):
+    entry = _difference(design.claims, written)
+    if entry is not None:
         return entry
     if gap is not None and gap.false:
         return gap.entry
-    if gap is None and not older and (entry := _wrong_sentences(design, sentences)):
-        return entry
+    if gap is None and not older:
+        entry = _wrong_sentences(design, sentences)
+        if entry is not None:
+            return entry
     return "name" if design.name != design.problem.get("name") else None
 
 

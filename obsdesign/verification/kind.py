@@ -10,6 +10,7 @@ from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.document import Claim, Guarantee
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.state_widths import StateWidths
 
 
 class Verification(Protocol):
@@ -40,6 +41,14 @@ class Conclusions(Protocol):
 
     def guarantees(self, problem: Problem, claims: tuple[Claim, ...], /) -> tuple[Guarantee, ...]:
         """The sentences a user may rely on, and those that are not proved."""
+
+
+@runtime_checkable
+class StatesWidths(Protocol):
+    """A module that has numbers for each state."""
+
+    def states(self, problem: Problem, claims: tuple[Claim, ...], /) -> tuple[StateWidths, ...]:
+        """Sensor strip, certified width and least possible width of each state."""
 
 
 @runtime_checkable

@@ -36,6 +36,7 @@ def weights_claim(
     L: Array,
     weights: Mapping[str, Sequence[float]],
     shifts: Sequence[float],
+    *,
     letter: str = "L",
 ) -> Claim:
     """Claim that L (n, p) solves the Riccati equation of A + a I for an a of `shifts`.

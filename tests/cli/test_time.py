@@ -148,7 +148,7 @@ def test_a_bracket_that_stays_wide_says_why(
 def test_check_and_compare_and_points_of_a_sweep_say_it(tmp_path: Path) -> None:
     problem = obsdesign.load_problem(SAMPLED)
     verdict, answers = check_all(problem, seconds=NOTHING)
-    assert verdict == "undecided"
+    assert verdict == "proved"  # of kind set_membership, which searches for nothing
     end = {"ended_by": "time", "seconds": NOTHING}
     for kind in ("interval", "luenberger"):
         assert answers[kind].verdict == "undecided"
@@ -178,7 +178,7 @@ def test_commands_take_it(tmp_path: Path) -> None:
     assert {"ended_by": "time", "seconds": 1e-6}.items() <= claims[-1]["evidence"].items()
     assert not (tmp_path / "design.json").exists()
     done = command("check", SAMPLED, "--time", "1e-6", cwd=tmp_path)
-    assert done.returncode == 3
+    assert done.returncode == 0  # a kind that searches for nothing is possible
     assert "does not apply" in done.stdout
     assert "--time may" in " ".join(done.stdout.split())
     what = ("--for", "longest_dwell")

@@ -130,6 +130,11 @@ class Truth:
         whole = self.flows[key] * arb_mat([*([self.x[i, 0]] for i in range(n)), [arb(1)]])
         self.x = arb_mat([[whole[i, 0]] for i in range(n)])
 
+    def hold(self, first: int, values: np.ndarray) -> None:
+        """Set states, from the index `first` on, to these numbers."""
+        for i, value in enumerate(values):
+            self.x[first + i, 0] = arb(float(value))
+
     def jump(self, c: np.ndarray) -> None:
         assert self.plant.jump is not None
         G = arb_mat([[arb(float(g)) for g in row] for row in self.plant.jump.G])

@@ -233,3 +233,16 @@ def test_evidence_without_what_its_sentence_is_made_of_confirms_nothing(missing:
     outcome = obsdesign.verify(from_dict(body | {"digest": digest(body)}))
     assert outcome.verdict in ("refuted", "undecided")
     assert outcome.guarantees == ()
+
+
+@pytest.mark.parametrize("name", ["", " ", "a"])
+def test_a_claim_of_any_name_that_nothing_proves_is_a_difference(
+    name: str, academic_design: Path
+) -> None:
+    design = obsdesign.load_design(academic_design)
+    more = replace(design.claims[0], id=name, statement="x", source="x", evidence={})
+    first = replace(design.claims[0], statement="No estimate is ever off.")
+    for claims in ((*design.claims, more), (first, *design.claims[1:], more), design.claims[1:]):
+        outcome = obsdesign.verify(replace(design, claims=claims))
+        assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
+    assert obsdesign.verify(design).verdict == "proved"

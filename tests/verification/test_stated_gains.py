@@ -163,3 +163,107 @@ def test_poles_that_a_matrix_has_not_are_refuted() -> None:
     assert poles_claim(F, [-1], has_others=True).verdict == "proved"
     assert poles_claim(F, [-3], has_others=True).verdict == "refuted"
     assert poles_claim(F, [-1, -2, -3]).verdict == "refuted"
+
+
+UNITS = [2.0**-40, 1e-9, 1.0, 2.0**40]  # of time
+
+
+def scaled_poles(poles: Any, unit: float) -> list[Any]:
+    return [[part * unit for part in p] if isinstance(p, list) else p * unit for p in poles]
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_pairs_are_told_by_their_numbers_in_every_unit_of_time(unit: float) -> None:
+    A = [[0, unit], [0, 0]]
+    for poles in ([[-1, 1]], [[-1, 1], [-1, -1]], [[-1, 1e-6]]):
+        outcome = obsdesign.investigate(luenberger(A, [[1, 0]], poles=scaled_poles(poles, unit)))
+        assert outcome.verdict == "proved"
+        F = np.array(A) - np.array(outcome.design.gains["L"]) @ [[1, 0]]
+        np.testing.assert_allclose(
+            sorted(np.linalg.eigvals(F).imag / unit), [-poles[0][1], poles[0][1]], atol=1e-7
+        )
+    for poles in ([[-1, 1], [-5, -3]], [[-1, 1], [-5, 3]], [[-1, 1], [-1, -1.000001]]):
+        with pytest.raises(obsdesign.InputError, match=r"must give 2 poles.*got 4\."):
+            obsdesign.investigate(luenberger(A, [[1, 0]], poles=scaled_poles(poles, unit)))
+    with pytest.raises(obsdesign.InputError, match=r"must give 1 poles.*got 2\."):
+        obsdesign.investigate(luenberger([[0]], [[1]], poles=[[-1, 1e-10]]))
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_zeros_are_told_from_poles_in_every_unit_of_time(unit: float) -> None:
+    A = [[-1, 0, 0, 0], [1, -2, 0, 0], [0, 1, -1, 1], [0, 0, -1, -1]]
+    body: dict[str, Any] = {
+        "flow": {"A": (unit * np.array(A)).tolist(), "D": [[0], [1], [0], [0]]},
+        "output": {"C": [[0, 1, 0, 0], [0, 0, 1, 0]]},
+    }
+
+    def outcome(*poles: Any) -> obsdesign.Outcome:
+        observer = {"kind": "unknown_input", "poles": scaled_poles(poles, unit)}
+        return obsdesign.investigate(obsdesign.Problem.from_dict({**body, "observer": observer}))
+
+    for poles in ((-1, [-2, 1]), ([-2, 1],)):
+        design = outcome(*poles).design
+        assert design is not None
+        claims = {claim.id: claim.verdict for claim in design.claims}
+        assert claims["poles"] == "proved"
+        eigenvalues = np.linalg.eigvals(np.array(design.gains["F"])) / unit
+        assert min(abs(eigenvalues - (-2 + 1j))) < 1e-6
+    with pytest.raises(obsdesign.InputError, match=r"besides the invariant zeros"):
+        outcome(-4, [-2, 1])
+
+
+def test_poles_that_need_larger_gains_than_a_file_may_hold_are_refused() -> None:
+    integrators = [[0, 1], [0, 0]]
+    with pytest.raises(obsdesign.InputError, match=r"a gain with an entry of 1e\+160"):
+        obsdesign.investigate(luenberger(integrators, [[1, 0]], poles=[-1e80, -1e80]))
+    largest = luenberger(integrators, [[1, 0]], poles=[-1e74, -1e74])
+    assert obsdesign.investigate(largest).verdict == "proved"
+
+
+@pytest.mark.parametrize("coupling", [1.0, 1e-5, 1e-9])
+def test_weakly_coupled_states_are_placed_and_uncoupled_ones_refused(coupling: float) -> None:
+    A = np.diag([-1.0, -2.0, -3.0]) + coupling * np.diag([1.0, 1.0], 1)
+    poles = [-4, -5, -6]
+    outcome = obsdesign.investigate(luenberger(A.tolist(), [[1, 0, 0]], poles=poles))
+    assert outcome.verdict == "proved"
+    A[1, 2] = 0.0
+    for C in ([[1, 0, 0]], [[1, 0, 0], [0, 1, 0]]):
+        with pytest.raises(obsdesign.InputError, match=r"the mode -3 .* cannot be moved"):
+            obsdesign.investigate(luenberger(A.tolist(), C, poles=poles))
+
+
+def test_poles_at_zero_alone_are_those_of_rounding_alone() -> None:
+    """They state no unit of time: an eigenvalue of 1 beside entries of 1e9 is not one at 0."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[0, 1e9], [0, 0]]},
+        "jump": {"G": [[0.1, 0], [0, 0.1]], "dwell_time": [0.001, 0.01]},
+        "output": {"C": [[1, 0]]},
+        "observer": {"kind": "luenberger", "poles": [0, 0], "gains": {"M": [[0.1], [0]]}},
+    }
+    F = exact([[0.0, 1e9], [0.0, 0.0]])
+    assert poles_claim(F, [0, 0], rate=None).verdict == "proved"
+    for pole in (1.0, 1e-3):
+        F = exact([[0.0, 1e9], [pole**2 / 1e9, 0.0]])
+        assert poles_claim(F, [0, 0], rate=None).verdict == "refuted"
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert {claim.id: claim.verdict for claim in outcome.claims}["poles"] == "proved"
+
+
+@pytest.mark.parametrize(
+    ("A", "C", "poles"),
+    [
+        ([[-1]], [[3]], [-1]),  # L = 0
+        ([[-1, 0.5], [0, -2]], [[0.1, 0.7]], [-1, -2]),
+        ([[0, 1], [0, 0]], [[1, 0], [2, 0]], [-1, -2]),  # a sensor twice
+        ([[0, 1], [0, 0]], [[1, 0], [0, 0]], [-1, -2]),  # a sensor that is off
+        ([[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[1, 0, 0], [0, 1, 0]], [-1, -1, -1]),
+    ],
+)
+def test_poles_are_placed_wherever_the_outputs_together_see_the_state(
+    A: Any, C: Any, poles: Any
+) -> None:
+    assert obsdesign.investigate(luenberger(A, C, poles=poles)).verdict == "proved"
+    n = len(A)
+    hidden = [[*row, 0] for row in A] + [[0] * n + [1]]
+    with pytest.raises(obsdesign.InputError, match=r"the mode 1 of flow\.A cannot be moved"):
+        obsdesign.investigate(luenberger(hidden, [[*row, 0] for row in C], poles=[*poles, -7]))

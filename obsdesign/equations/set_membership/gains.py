@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, NewEntries, Value
 from obsdesign.equations.gains import PlantGains, count, matrix, number, word
+from obsdesign.equations.plant import Plant
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 
@@ -58,7 +59,7 @@ class SetMembershipGains(PlantGains):
             )
 
     @classmethod
-    def from_plant(cls, plant: Any, **gains: Any) -> Self:
+    def from_plant(cls, plant: Plant, **gains: Value) -> Self:
         """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
         return super().from_plant(plant, **plant_entries(plant), **gains)
 
@@ -87,9 +88,9 @@ def _present(values: Array | None) -> Array:
     return values
 
 
-def plant_entries(plant: Any) -> dict[str, Any]:
+def plant_entries(plant: Plant) -> NewEntries:
     """The plant's numbers that this kind stores besides `obsdesign.equations.gains.plant_data`."""
-    entries: dict[str, Any] = {"measured": plant.output.measured}
+    entries: NewEntries = {"measured": plant.output.measured}
     if plant.output.period is not None:
         entries["period"] = plant.output.period
     for prefix, block in (("", plant.flow), ("jump_", plant.jump)):

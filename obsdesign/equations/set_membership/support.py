@@ -14,6 +14,10 @@ the integral of |g| over the piece follow:
     |p'F0|                               where l0 >= l1 d/2 + l2 d^2/8: g has one sign
     |p'F0| + (l1 + l2 d/2) d^2/4         g has a slope of at most l1 + l2 d/2
     [integral of |l0 + l1 s|] + l2 d^3/24
+
+A fourth, |p|'E0, serves pieces that are long for the flow: |e^{A s} b_j| <= e^{Mz(A) s} |b_j|,
+where Mz keeps the diagonal and takes absolute values elsewhere, so that E0 = |e^{A s_0}| int
+e^{Mz(A) s} ds |b_j| with s_0 the start of the piece and the integral over its length.
 """
 
 from __future__ import annotations

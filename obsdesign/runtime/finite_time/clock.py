@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from obsdesign.runtime.finite_time.constants import WindowConstants
+from obsdesign.runtime.finite_time.flow_maps import flow_maps
 from obsdesign.runtime.finite_time.window import FiniteTimeState, emptied, flowed, sampled
 from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
 
@@ -16,12 +19,14 @@ class _Timing:
 
     count: whole periods since the last instant; regular: t is an instant; drifted: it would be one
     but for small deviations of the same sign, which add up since the anchor.
+    slack: how far the last instant, and t where it is one, are off their stamps beyond rounding.
     """
 
     elapsed: float
     count: int
     regular: bool
     drifted: bool
+    slack: float
 
     @classmethod
     def from_times(cls, state: FiniteTimeState, t: float, period: float) -> _Timing:
@@ -30,10 +35,17 @@ class _Timing:
         # stamps whose spacing exceeds a period cannot identify a sample
         is_resolved = count >= 1 and math.ulp(t) <= period
         is_near = is_resolved and abs(elapsed - count * period) <= time_tolerance(elapsed, t)
-        since_anchor = (state.periods_since_anchor + count) * period
+        periods = state.periods_since_anchor
+        since_anchor = (periods + count) * period
         deviation = abs(t - state.anchor_time - since_anchor)
         is_near_anchor = deviation <= time_tolerance(since_anchor, t)
-        return cls(elapsed, count, is_near and is_near_anchor, is_near and not is_near_anchor)
+        regular = is_near and is_near_anchor
+        slack = 0.0
+        if state.last_instant is not None:
+            off = abs(state.last_instant - state.anchor_time - periods * period)
+            slack += _beyond_rounding(off, state.last_instant)
+        slack += _beyond_rounding(deviation, t) if regular else 0.0
+        return cls(elapsed, count, regular, is_near and not is_near_anchor, slack)
 
     def missed(self, period: float) -> int:
         """Instants before t at which no sample arrived."""
@@ -42,25 +54,34 @@ class _Timing:
         return math.floor(self.elapsed / period)
 
 
+def _beyond_rounding(deviation: float, t: float) -> float:
+    """The deviation of an instant from its stamp t; zero where it rounds to that stamp."""
+    return deviation if deviation > 0.5001 * math.ulp(t) else 0.0
+
+
 def moved_to(
     constants: WindowConstants, state: FiniteTimeState, t: float, has_sample: bool
 ) -> tuple[FiniteTimeState, bool, str | None]:
     """The state at t; whether t is a sampling instant; the status of an irregular sample."""
     period, last = constants.period, state.last_instant
     if last is None:
-        state = flowed(constants, state, t)
+        state = flowed(constants, state, t, 0.0)
         return anchored(state, t) if has_sample else state, has_sample, None
     timing = _Timing.from_times(state, t, period)
     missed = timing.missed(period)
     periods = state.periods_since_anchor + timing.count
     has_gap = missed > constants.k
     if has_gap:
-        state, missed = anchored(emptied(constants, flowed(constants, state, t)), t), 0
+        state = flowed(constants, state, t, 0.0, timing.slack)
+        state, missed = anchored(emptied(constants, state), t), 0
     for i in range(missed):
-        state = sampled(constants, flowed(constants, state, last + (i + 1) * period), None)
-    state = flowed(constants, state, t)
+        instant = last + (i + 1) * period
+        state = sampled(constants, flowed(constants, state, instant, 0.0, timing.slack), None)
+    rest = 0.0 if timing.regular else (timing.missed(period) + 1) * period - timing.elapsed
+    state = flowed(constants, state, t, rest, timing.slack)
     if timing.regular:
-        if has_gap or periods >= constants.most_periods_counted:
+        # the stamp of a row without a sample is only near to the instant
+        if has_gap or (has_sample and periods >= constants.most_periods_counted):
             return anchored(state, t), True, None
         return state._replace(last_instant=t, periods_since_anchor=periods), True, None
     if missed:
@@ -75,6 +96,18 @@ def moved_to(
 def anchored(state: FiniteTimeState, t: float) -> FiniteTimeState:
     """The state with an instant at t from which the coming ones are counted."""
     return state._replace(last_instant=t, anchor_time=t, periods_since_anchor=0)
+
+
+def at_stamp(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeState:
+    """The state at an instant, with bounds for the stamp of a row that is only near to it."""
+    if not (constants.has_bounds and np.isfinite(state.bounds.radius).all()):
+        return state
+    since = state.periods_since_anchor * constants.period
+    off = abs(state.t - state.anchor_time - since) + math.ulp(state.t)
+    maps = flow_maps(constants.gains, 0.0, off)
+    bounds = state.bounds
+    error = maps.error(bounds.centre, state.held.size)
+    return state._replace(bounds=bounds._replace(radius=maps.spread(bounds.radius) + error))
 
 
 def is_next_instant(state: FiniteTimeState, t: float, period: float, periods: int) -> bool:

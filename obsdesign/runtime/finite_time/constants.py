@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import UNIT
 from obsdesign.equations.finite_time.gains import PRINTED, FiniteTimeGains
 from obsdesign.equations.finite_time.rows import (
     last_state,
@@ -32,8 +34,8 @@ class WindowConstants:
     """The gains of a design, and matrices made of them."""
 
     gains: FiniteTimeGains
-    _steps: OrderedDict[tuple[float, int], FlowMaps] = field(
-        default_factory=OrderedDict, repr=False, compare=False
+    _steps: dict[float, OrderedDict[tuple[float, int], FlowMaps]] = field(
+        default_factory=dict, repr=False, compare=False
     )
 
     @cached_property
@@ -98,13 +100,24 @@ class WindowConstants:
         B = self.gains.B
         return self.drift if B is None or not len(u) else self.drift + B.dot(u)
 
+    def forced_size(self, u: Matrix) -> Matrix:
+        """|B| |u| + |b_mid|: what the rounding of `forced` is a part of."""
+        B, drift = self.gains.B, np.abs(self.drift)
+        return drift if B is None or not len(u) else drift + np.abs(B).dot(np.abs(u))
+
     def driven(self, u: Matrix) -> Matrix:
         """Contribution of the input u to (w, C w) in a period, or to (d, c) of `inputs`."""
         return np.asarray(self._once_and_output.dot(self.forced(u)))
 
-    def maps(self, h: float, size: float) -> FlowMaps:
-        """Matrices of a step of length h between stamps of magnitude at most `size`."""
-        return shared_step(self._steps, h, size, lambda h, error: flow_maps(self.gains, h, error))
+    def maps(self, h: float, size: float, slack: float = 0.0) -> FlowMaps:
+        """Matrices of a step of length h between stamps of magnitude at most `size`.
+
+        slack: how far its ends may be from their stamps beyond rounding.
+        """
+        # a power of two, so that few differ
+        slack = 2.0 ** math.ceil(math.log2(slack)) if slack > 0.0 else 0.0
+        steps = self._steps.setdefault(slack, OrderedDict())
+        return shared_step(steps, h, size, lambda h, error: flow_maps(self.gains, h, error + slack))
 
     @cached_property
     def period_maps(self) -> FlowMaps:
@@ -170,6 +183,10 @@ class WindowConstants:
         return ApproximateInputs.from_gains(self.gains)
 
     # --- bounds ---------------------------------------------------------------------------------
+
+    def output_rounding(self, w: Matrix) -> Matrix:
+        """Bound (n,) of the rounding of C w, as an error of w."""
+        return ((self.n + 32) * UNIT) * np.abs(w)
 
     @cached_property
     def error(self) -> WindowError:

@@ -2,8 +2,9 @@
 
 At a sample the state is within `radius` (proved, stored in the design) of the exact estimate. To
 that come the bias of the stored gains, |state_error| |x - w| (at t_i, or where `reference` is
-"start" at the window's start), the rounding of their product with the window, and the rounding of
-w, which acts like small kicks between samples.
+"start" at the window's start), the rounding of their product with the window, and the error of w,
+rounding and time stamps, which acts like small kicks at the samples: what a period adds to it is
+carried to the period's end.
 """
 
 from __future__ import annotations
@@ -69,7 +70,8 @@ class StartError:
     def radius(self, length: float, w_rounding: Matrix) -> Matrix:
         """Bound of the bias for a window of this length."""
         level = self.per_length * length + self.noise_level
-        level += float(self.per_w_rounding @ w_rounding)
+        with np.errstate(invalid="ignore"):  # 0 times what has no bound: no bound
+            level += float(self.per_w_rounding @ w_rounding)
         if not level < math.inf:
             return np.full(len(w_rounding), np.inf)
         return self.bias_per_level * level
@@ -93,8 +95,8 @@ class WindowError:
     def from_gains(cls, gains: FiniteTimeGains) -> WindowError:
         """Constants of a design with a radius.
 
-        kicks (n, n) bounds the effect of errors of w, and of C w, on the estimate; bias_factor is
-        the geometric series of the bias that acts on its own error.
+        kicks (n, n) bounds the effect of errors of w, and of C w, on the estimate, its own rounding
+        by a factor; bias_factor is the geometric series of the bias that acts on its own error.
         """
         rows, state_error = _rows(gains), gains.bias_bound
         largest = float(np.abs(state_error).sum(axis=1).max())
@@ -171,7 +173,10 @@ def _rows(gains: FiniteTimeGains) -> Enclosure:
 
 
 def _kicks(gains: FiniteTimeGains) -> Matrix:
-    """sum_l |R_l| + |G_l| |C|, or of |Q_l|, (n, n): see `analysis.finite_time.error_radius`."""
+    """sum_l |Q_l| + |G_l| |C|, (n, n): what errors of w at the ends of the periods do.
+
+    Q_l as in `analysis.finite_time.error_radius`: R_l A_d^-1 where the rows speak of x(t_i).
+    """
     G, C, n, p = gains.window_gain, gains.C, gains.n, gains.p
     terms = [G[:, j * p : (j + 1) * p] for j in range(gains.samples)]
     kicks = np.zeros((n, n))
@@ -183,7 +188,7 @@ def _kicks(gains: FiniteTimeGains) -> Matrix:
         return kicks
     weight, step = np.zeros((n, n)), plain_expm(gains.A * -gains.period)
     for term in terms:
-        weight = weight @ step + term @ C
+        weight = (weight + term @ C) @ step
         kicks = kicks + np.abs(weight) + np.abs(term) @ np.abs(C)
     return kicks
 

@@ -17,7 +17,10 @@ _PART, _MOST_PARTS = 0.25, 2.0**14
 
 @dataclass(frozen=True)
 class FlowMaps:
-    """One step: e^{A h}, int e^{A s} ds, their errors; how a radius grows, and what Delta adds."""
+    """One step: e^{A h}, int e^{A s} ds, their errors; how a radius grows, and what Delta adds.
+
+    inputs: number of known inputs, whose sum B u is rounded.
+    """
 
     flow: Matrix
     once: Matrix
@@ -25,14 +28,24 @@ class FlowMaps:
     once_error: Matrix
     growth: Matrix
     inflow: Matrix
+    inputs: int = 0
 
     def error(self, x: Matrix, forced: Matrix) -> Matrix:
-        """Bound of the rounding in flow @ x + once @ forced, matrices included."""
-        terms = 2 * len(x) + 4
-        size, push = np.abs(x), np.abs(forced)
-        rounding = np.abs(self.flow) @ size + np.abs(self.once) @ push
-        total = self.flow_error @ size + self.once_error @ push + terms * UNIT * rounding
+        """Bound of the rounding in flow @ x + once @ (B u + b_mid), matrices included.
+
+        forced: |B| |u| + |b_mid|, as terms that cancel are rounded too.
+        """
+        terms = 2 * len(x) + self.inputs + 4
+        size = np.abs(x)
+        rounding = np.abs(self.flow) @ size + np.abs(self.once) @ forced
+        total = self.flow_error @ size + self.once_error @ forced + terms * UNIT * rounding
         return raised(total, terms)
+
+    def carried(self, error: Matrix) -> Matrix:
+        """Bound of |e^{A h}| error."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            bound = raised(self.growth @ error, len(error))
+        return np.where(np.isnan(bound), np.inf, bound)
 
     def spread(self, radius: Matrix) -> Matrix:
         """Bound of |e^{A h}| rho + int |e^{A s}| ds Delta, the radius after the step."""
@@ -53,7 +66,7 @@ def flow_maps(gains: FiniteTimeGains, h: float, error: float) -> FlowMaps:
     growth = np.fmin(growth, whole.magnitude[:n, :n])
     return FlowMaps(
         whole.mid[:n, :n], whole.mid[:n, n:], whole.rad[:n, :n], whole.rad[:n, n:],
-        growth, np.fmin(inflow, _reach(A, Delta, h, error)),
+        growth, np.fmin(inflow, _reach(A, Delta, h, error)), gains.m,
     )  # fmt: skip
 
 

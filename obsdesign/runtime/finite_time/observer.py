@@ -31,13 +31,13 @@ from obsdesign.runtime.base import (
     status_of,
     vector,
 )
-from obsdesign.runtime.finite_time.clock import anchored, moved_to
+from obsdesign.runtime.finite_time.clock import anchored, at_stamp, moved_to
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.steady import outward_ends, steady_step
 from obsdesign.runtime.finite_time.window import (
     FiniteTimeState,
-    HeldInput,
     emptied,
+    held_input,
     initial_state,
     jumped,
     pushed,
@@ -99,6 +99,8 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         state, is_instant, irregular = moved_to(constants, state, t, y is not None)
         if is_instant:
             state = sampled(constants, state, y_before)
+            if y is None:  # a row at its own time, which is only near to the instant
+                state = at_stamp(constants, state)
         if irregular:
             state = pushed(constants, anchored(emptied(constants, state), t), y_before)
         if sample.jump:
@@ -107,7 +109,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
                 state = pushed(constants, anchored(state, t), y_after)
         if sample.u is not None:
             u = vector(sample.u, len(state.held.u), "u")
-            state = state._replace(held=HeldInput(u, constants.driven(u)))
+            state = state._replace(held=held_input(constants, u))
         moderate = constants.has_moderate_gains and _is_moderate(state.x, state.w, state.window)
         state = state._replace(
             filling=state.filling._replace(moderate=moderate),

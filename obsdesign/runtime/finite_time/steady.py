@@ -18,11 +18,10 @@ from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import extend
 from obsdesign.runtime.finite_time.window import (
-    OUTPUT_ROUNDING,
     CachedRadius,
     FiniteTimeState,
     HeldInput,
-    StateBounds,
+    held_input,
 )
 
 # estimate, w, residual, known inputs, radius
@@ -58,7 +57,7 @@ def steady_step(
     bounds, low, high = state.bounds, None, None
     if cached is not None:
         radius, rounding = cached.radius, cached.w_rounding
-        bounds = StateBounds(x, radius, rounding, bounds.shift_rounding, cached)
+        bounds = bounds._replace(centre=x, radius=radius, w_rounding=rounding, cached_radius=cached)
         low, high = outward_ends(x, radius)
     # in the order of the fields: names would cost a tenth of the step
     following = FiniteTimeState(
@@ -73,7 +72,7 @@ def _held(constants: WindowConstants, held: HeldInput, u: ArrayLike) -> HeldInpu
     u = vector(u, len(held.u), "u")
     if not _is_moderate(u):
         return None
-    return HeldInput(u, held.drive if (u == held.u).all() else constants.driven(u))
+    return held if (u == held.u).all() else held_input(constants, u)
 
 
 def outward_ends(centre: Matrix, radius: Matrix) -> tuple[Matrix, Matrix]:
@@ -131,13 +130,12 @@ def _is_valid(
     cached: CachedRadius, constants: WindowConstants, state: FiniteTimeState, x: Matrix, w: Matrix
 ) -> bool:
     """Does the cached radius cover x, with the rounding of w up to now?"""
-    forced = constants.forced(state.held.u)
     return bool(
         float(state.window.dot(state.window)) <= cached.square
         and state.bounds.shift_rounding is cached.shift_rounding
         and (np.abs(x) <= cached.x).all()
         and (not constants.is_driven or (np.abs(w) <= cached.w).all())
-        and (forced is constants.drift or (np.abs(forced) <= cached.forced).all())
+        and (not len(state.held.u) or (state.held.size <= cached.forced).all())
     )
 
 
@@ -146,10 +144,11 @@ def _new_radius(
 ) -> CachedRadius:
     """The radius for twice the sizes it depends on: all it adds to `proved` is rounding."""
     most_x, most_w = 2 * np.abs(x), 2 * np.maximum(np.abs(w), np.abs(state.w))
-    most_forced = 2 * np.abs(constants.forced(state.held.u))
+    most_forced = 2 * state.held.size
     w_rounding, distance = state.bounds.w_rounding, most_x
     if constants.is_driven:
-        rounding = constants.period_maps.error(most_w, most_forced) + OUTPUT_ROUNDING * most_w
+        rounding = constants.period_maps.error(most_w, most_forced)
+        rounding = rounding + constants.output_rounding(most_w)
         w_rounding, distance = np.maximum(w_rounding, rounding), most_x + most_w
     length = 2 * window_length(state.window)
     radius = constants.error.radius(length, most_w, most_x, w_rounding, distance)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import raised
 from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, least_squares_gain
 from obsdesign.runtime.base import corrected_jump, no_jumps
 from obsdesign.runtime.finite_time.constants import WindowConstants
@@ -18,8 +19,6 @@ from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import Tape
 
-# rounding of y - C w, as a part of w
-OUTPUT_ROUNDING = 2.0**-48
 # with bounds w is replaced when it is that much larger than the estimate
 _LARGEST_RATIO = 2.0
 
@@ -27,8 +26,8 @@ _LARGEST_RATIO = 2.0
 class CachedRadius(NamedTuple):
     """A radius that holds as long as everything it depends on stays below the entries here.
 
-    w, x, forced: absolute values; square: squared length of the window; shift_rounding: the array
-    itself; w_rounding: the one that enters the radius.
+    w, x: absolute values; forced: `HeldInput.size`; square: squared length of the window;
+    shift_rounding: the array itself; w_rounding: the one that enters the radius.
     """
 
     w: Matrix
@@ -41,10 +40,19 @@ class CachedRadius(NamedTuple):
 
 
 class HeldInput(NamedTuple):
-    """Known input u until the next one; drive: its contribution to (w, C w) in a period."""
+    """Known input u until the next one; drive: its contribution to (w, C w) in a period.
+
+    size: |B| |u| + |b_mid|.
+    """
 
     u: Matrix
     drive: Matrix
+    size: Matrix
+
+
+def held_input(constants: WindowConstants, u: Matrix) -> HeldInput:
+    """The known input u (m,) with what follows from it."""
+    return HeldInput(u, constants.driven(u), constants.forced_size(u))
 
 
 class Filling(NamedTuple):
@@ -63,13 +71,15 @@ class Filling(NamedTuple):
 class StateBounds(NamedTuple):
     """|state - centre| <= radius, for an observer with bounds.
 
-    w_rounding: rounding of w per step; shift_rounding: that of the residuals when w was shifted;
-    cached_radius: the last one.
+    w_rounding: largest error that w gathers in a period, at the period's end; w_error: what it has
+    gathered since the last instant, carried to the next one; shift_rounding: rounding of the
+    residuals when w was shifted; cached_radius: the last one.
     """
 
     centre: Matrix
     radius: Matrix
     w_rounding: Matrix
+    w_error: Matrix
     shift_rounding: Matrix
     cached_radius: CachedRadius | None
 
@@ -112,7 +122,7 @@ def initial_state(
         t=t,
         x=guess,
         w=np.zeros(n),
-        held=HeldInput(u, constants.driven(u)),
+        held=held_input(constants, u),
         window=np.full(constants.k * constants.p, np.nan),
         known=None if constants.inputs is None else KnownInput.zero(n, constants.k),
         filling=_EMPTY,
@@ -126,15 +136,20 @@ def initial_state(
 
 
 def _unbounded(n: int, centre: Matrix) -> StateBounds:
-    return StateBounds(centre, np.full(n, np.inf), np.zeros(n), np.zeros(n), None)
+    return StateBounds(centre, np.full(n, np.inf), np.zeros(n), np.zeros(n), np.zeros(n), None)
 
 
-def flowed(constants: WindowConstants, state: FiniteTimeState, t: float) -> FiniteTimeState:
-    """The state after the flow to time t, without a sample."""
-    h = t - state.t
+def flowed(
+    constants: WindowConstants, state: FiniteTimeState, t: float, rest: float, slack: float = 0.0
+) -> FiniteTimeState:
+    """The state after the flow to time t, without a sample.
+
+    rest: time to the next instant; slack: of the length, as instants may be off their stamps.
+    """
+    h, size = t - state.t, max(abs(t), abs(state.t))
     if h <= 0:
-        return state._replace(t=t)
-    maps = constants.maps(h, max(abs(t), abs(state.t)))
+        return state
+    maps = constants.maps(h, size, slack)
     forced = constants.forced(state.held.u)
     x = maps.flow @ state.x + maps.once @ forced
     w = maps.flow @ state.w + maps.once @ forced
@@ -144,12 +159,16 @@ def flowed(constants: WindowConstants, state: FiniteTimeState, t: float) -> Fini
     if not constants.has_bounds:
         return state._replace(t=t, x=x, w=w, known=known)
     bounds = state.bounds
-    rounding = maps.error(state.w, forced) + OUTPUT_ROUNDING * np.abs(w)
+    push = state.held.size
     bounds = bounds._replace(
         centre=maps.flow @ bounds.centre + maps.once @ forced,
-        radius=maps.spread(bounds.radius) + maps.error(bounds.centre, forced),
-        w_rounding=np.maximum(bounds.w_rounding, rounding),
+        radius=maps.spread(bounds.radius) + maps.error(bounds.centre, push),
     )
+    if state.last_instant is not None and constants.is_driven:  # w is free until the first sample
+        error = maps.error(state.w, push)
+        if rest > 0:
+            error = constants.maps(rest, size + rest).carried(error)
+        bounds = bounds._replace(w_error=raised(bounds.w_error + error, 1))
     return state._replace(t=t, x=x, w=w, known=known, bounds=bounds)
 
 
@@ -159,6 +178,11 @@ def sampled(
     """The state after a sampling instant: estimate from the window, then take in the sample."""
     if state.known is not None and constants.inputs is not None and state.filling.instants:
         state = state._replace(known=constants.inputs.closed(state.known))
+    if constants.has_bounds:
+        bounds = state.bounds  # what w gathered in the period counts from now on
+        most = np.maximum(bounds.w_rounding, bounds.w_error + constants.output_rounding(state.w))
+        bounds = bounds._replace(w_rounding=most, w_error=np.zeros(constants.n))
+        state = state._replace(bounds=bounds)
     if state.filling.instants == constants.k:
         state = _estimated(constants, state)
     return pushed(constants, state, y)
@@ -192,7 +216,7 @@ def emptied(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeSta
         window=np.full_like(state.window, np.nan),
         known=None if state.known is None else KnownInput.zero(n, constants.k),
         filling=_EMPTY,
-        bounds=state.bounds._replace(w_rounding=np.zeros(n), shift_rounding=np.zeros(n)),
+        bounds=_unbounded(n, state.bounds.centre)._replace(radius=state.bounds.radius),
         since_shift=0,
         last_instant=None,
         tape=None,
@@ -266,7 +290,8 @@ def _shifted(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeSt
     bounds = state.bounds
     if constants.has_bounds:
         window, rounding = constants.error.shifted(state.window, change, w)
-        bounds = bounds._replace(shift_rounding=rounding)
+        rounded = np.maximum(bounds.w_rounding, constants.output_rounding(w))
+        bounds = bounds._replace(shift_rounding=rounding, w_rounding=rounded)
     else:
         window = state.window - constants.rows @ change
     return state._replace(w=w, window=window, bounds=bounds, since_shift=0, tape=None)

@@ -54,7 +54,7 @@ def noise_deviation(gains: ImpulsiveInputGains, y: Matrix, level: Matrix) -> Mat
     """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
     std, cv = gains.noise_std, gains.noise_cv
     size = np.where(std > 0, np.abs(y), np.maximum(np.abs(y), _LEAST_LEVEL_SHARE * level))
-    return np.asarray(np.hypot(std, np.where(size > 0, cv * size, cv)))
+    return np.asarray(np.hypot(std, np.where((size > 0) | (std > 0), cv * size, cv)))
 
 
 def chi_squared_limit(freedom: int) -> float:

@@ -1,4 +1,4 @@
-"""Checks of sampling times, with the status messages of samples that are late or missing."""
+"""Samples in time, late, missing or off the period, with the status messages of those."""
 
 from __future__ import annotations
 

@@ -10,7 +10,6 @@ itself go into the radius.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import frexp
@@ -26,14 +25,14 @@ from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
     Sample,
-    Stepped,
     instant,
     later,
     optional_measurement,
     vector,
 )
 from obsdesign.runtime.bounds import DeclaredBounds
-from obsdesign.runtime.boxes import JUMP, BoundsFault, bound_names, stated_bounds
+from obsdesign.runtime.bounds_observer import BoundsObserver
+from obsdesign.runtime.boxes import JUMP, BoundsFault
 from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
@@ -48,54 +47,25 @@ _ONE_OUTPUT = (1,)
 
 
 @dataclass(frozen=True)
-class IntervalObserver(Stepped[IntervalState]):
+class IntervalObserver(BoundsObserver[IntervalState]):
     """Executes a design of kind `interval`."""
 
     gains: IntervalGains
     kind: ClassVar[str] = "interval"
-    finds_events: ClassVar[bool] = True
-    event_names: ClassVar[tuple[str, ...]] = ("t", "event")
 
     @classmethod
     def from_gains(cls, gains: Entries) -> IntervalObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(IntervalGains.from_document(gains))
 
-    @cached_property
-    def n(self) -> int:
-        """Number of states."""
-        return self.gains.n
-
-    @cached_property
-    def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
-        return self.gains.columns
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Columns of the estimate after t: x1_lo, x1_hi, ..."""
-        return bound_names(self.n)
-
-    def event_cells(self, event: tuple[float | str, ...]) -> Sequence[float | str]:
-        """Cells of an event in an event file."""
-        return event
-
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
-        """State at time t from bounds of x(t), before the first sample and its jump.
-
-        ValueError if a lower bound exceeds its upper one or a bound is not finite.
-        """
+        """State at time t from bounds of x(t); ValueError unless they are finite and in order."""
         return self.from_box(instant(t), first_box(self.kernels.model, self.n, lower, upper))
 
     def from_box(self, t: float, box: Matrix) -> IntervalState:
         """State at time t from a box in the observer's coordinates, before the first sample."""
         guard, inputs = DwellGuard.from_gains(self.gains), np.zeros(int(self.reads["u"]))
         return IntervalState(t, box, inputs, None, guard, False, t)
-
-    def start(self, t: float, initial: Sequence[float] | None) -> IntervalState:
-        """State from x1_lo, x1_hi, x2_lo, ...; InputError if they are not bounds."""
-        lower, upper = stated_bounds(self.n, initial)
-        return self.init(t, lower=lower, upper=upper)
 
     def reset(self, state: IntervalState, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
         """The same instant with new bounds of x(t): ends the refutation of a state.

@@ -1,4 +1,4 @@
-"""Certified bounds of l'z for any multipliers: the dual of the feasible set, rounded outward.
+"""Certified bounds of l'z for any multipliers: the dual sum, rounded outward.
 
 The stages of a window are walked backwards from p = l (z_T: the state after the last stage):
 
@@ -72,9 +72,9 @@ def _linear_terms(
     low, high = by_stage * window.strips[:, None, 0], by_stage * window.strips[:, None, 1]
     value = np.maximum(low, high).sum(axis=(0, 2))
     size = np.maximum(np.abs(low), np.abs(high)).sum(axis=(0, 2))
-    moved, q_size = q * window.drift[:, None], np.abs(q)
-    value = value + moved.sum(axis=(0, 2))
-    size = size + np.abs(moved).sum(axis=(0, 2))
+    driven, q_size = q * window.drift[:, None], np.abs(q)
+    value = value + driven.sum(axis=(0, 2))
+    size = size + np.abs(driven).sum(axis=(0, 2))
     error = (q_size * window.drift_error[:, None]).sum(axis=(0, 2))
     low, high = p[0] * window.start[0], p[0] * window.start[1]
     value = value + np.maximum(low, high).sum(axis=1)
@@ -90,10 +90,13 @@ def support(window: Window, q: Matrix) -> Matrix:
     shape = (T, q.shape[1], parts, pieces, width)
     exact = np.abs(q @ window.columns.reshape(flat)).reshape(shape)
     error = (q_size @ window.column_error.reshape(flat)).reshape(shape)
-    l2 = (q_size @ window.bend.reshape(T, n, pieces * width)).reshape(shape[:2] + shape[3:])
+    sizes = q_size @ window.spread.reshape(T, n, 2 * pieces * width)
+    sizes = sizes.reshape(*shape[:2], 2, *shape[3:])
     high = exact + error
     l0 = (exact[:, :, 1] - error[:, :, 1], high[:, :, 1])
-    terms = piece_bound(high[:, :, 0], l0, high[:, :, 2], l2, window.length)
+    terms = piece_bound(high[:, :, 0], l0, high[:, :, 2], sizes[:, :, 0], window.length)
+    # over long pieces the Taylor terms overflow, and the comparison system does not
+    terms = np.fmin(terms, sizes[:, :, 1] * (1.0 + 8 * n * UNIT))
     result: Matrix = (terms * window.radius).sum(axis=(0, 2, 3))
     return result
 

@@ -8,32 +8,30 @@ prove that plant, declared bounds and data contradict each other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.runtime.base import (
     Estimate,
     Sample,
-    Stepped,
+    instant,
     later,
     optional_measurement,
     vector,
 )
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
+from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import (
     JUMP,
     BoundsFault,
-    bound_names,
     initial_bounds,
     midpoint,
-    stated_bounds,
 )
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.set_membership.model import Disturbance, Model, observer_model
@@ -48,37 +46,25 @@ _MOST_NAMED = 8
 
 
 @dataclass(frozen=True)
-class SetMembershipObserver(Stepped[SetMembershipState]):
+class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     """Executes a design of kind `set_membership`."""
 
     gains: SetMembershipGains
     kind: ClassVar[str] = "set_membership"
-    finds_events: ClassVar[bool] = True
-    event_names: ClassVar[tuple[str, ...]] = ("t", "event")
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> SetMembershipObserver:
+    def from_gains(cls, gains: Entries) -> SetMembershipObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(SetMembershipGains.from_document(gains))
 
-    @cached_property
-    def n(self) -> int:
-        """Number of states."""
-        return self.gains.n
-
-    @cached_property
-    def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
-        return self.gains.columns
-
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t: x1_lo, x1_hi, ..., then l1_lo, ..., x1_lag_lo, ..."""
         further = 0 if self.gains.directions is None else len(self.gains.directions)
         names = [f"l{i + 1}_{end}" for i in range(further) for end in ("lo", "hi")]
         if self.gains.fixed_lag is not None:
             names += [f"x{i + 1}_lag_{end}" for i in range(self.n) for end in ("lo", "hi")]
-        return (*bound_names(self.n), *names)
+        return (*super().names, *names)
 
     @cached_property
     def declared_bounds(self) -> DeclaredBounds:
@@ -89,25 +75,13 @@ class SetMembershipObserver(Stepped[SetMembershipState]):
         v = declared_noise(self.gains.noise_bound, self.gains.noise_centre)
         return DeclaredBounds(b, c, v)
 
-    def event_cells(self, event: tuple[float | str, ...]) -> Sequence[float | str]:
-        """Cells of an event in an event file."""
-        return event
-
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> SetMembershipState:
-        """State at time t from bounds of x(t), before the first sample and its jump.
-
-        ValueError if a lower bound exceeds its upper one or a bound is not finite.
-        """
-        box, flow = self._box(lower, upper), self._model.flow
+        """State at time t from bounds of x(t); ValueError unless they are finite and in order."""
+        now, box, flow = instant(t), self._box(lower, upper), self._model.flow
         return SetMembershipState(
-            float(t), box, box, (), np.zeros(int(self.reads["u"])),
-            np.stack([flow.lower, flow.upper]), DwellGuard.from_gains(self.gains), False, float(t),
+            now, box, box, (), np.zeros(int(self.reads["u"])),
+            np.stack([flow.lower, flow.upper]), DwellGuard.from_gains(self.gains), False, now,
         )  # fmt: skip
-
-    def start(self, t: float, initial: Sequence[float] | None) -> SetMembershipState:
-        """State from x1_lo, x1_hi, x2_lo, ...; InputError if they are not bounds."""
-        lower, upper = stated_bounds(self.n, initial)
-        return self.init(t, lower=lower, upper=upper)
 
     def reset(
         self, state: SetMembershipState, *, lower: ArrayLike, upper: ArrayLike
@@ -234,13 +208,15 @@ class SetMembershipObserver(Stepped[SetMembershipState]):
         is_due = gains.measured != "at_jumps" or sample.jump
         if sample.jump and gains.jump_measurement == "none":
             is_due = False
-        sentences = ["missing sample"] if is_due and y is None else []
+        sentences = []
         if gains.period is not None and gains.measured == "periodic" and state.started:
             apart = t - state.sampled
-            if y is not None and apart > gains.period + time_tolerance(apart, t):
+            slack = time_tolerance(apart, t)
+            is_due = is_due and apart >= gains.period - slack
+            if y is not None and apart > gains.period + slack:
                 limit = f"above {gains.period:.9g}"
                 sentences.append(f"time {apart:.9g} since the last sample, {limit}")
-        return sentences
+        return ["missing sample"] * (is_due and y is None) + sentences
 
     def _estimate(
         self, t: float, result: Result, events: tuple[tuple[float, str], ...], status: str

@@ -20,6 +20,7 @@ _TO_BOUNDARY = 0.995
 _SMALLEST_NOISE = 1e-7  # of a scaled row: strips of no width keep an interior
 # duality gap, in parts of the half width that the multipliers give, at which the search ends
 _CONVERGED = 1e-4
+_FEWEST_ENTRIES = 4000  # of H, from which on its zeros are worth leaving out
 
 
 def propose(H: Matrix, residual: Matrix, V: Matrix, objective: Matrix, steps: int) -> Matrix:
@@ -57,6 +58,7 @@ class _Iteration:
         start = _START / (self.R + self.M) / w
         self.zl = np.maximum(self.q, 0.0) + start
         self.zu = np.maximum(-self.q, 0.0) + start
+        self.blocks = _blocks(A)
         self.best_mu = np.zeros((B, self.M))
         self.best_value = self.half_width = np.abs(g).sum(axis=1)
 
@@ -69,7 +71,7 @@ class _Iteration:
 
     def _step(self) -> bool:
         """One predictor and corrector step; False where nothing changes any more."""
-        A, w, R, z, zl, zu = self.A, self.w, self.R, self.z, self.zl, self.zu
+        w, z, zl, zu = self.w, self.z, self.zl, self.zu
         inverse_low, inverse_high = 1.0 / (w + z), 1.0 / (w - z)
         theta = 1.0 / (zl * inverse_low + zu * inverse_high)
         total = (w * (zl + zu) + z * (zl - zu)).sum(axis=1)
@@ -77,9 +79,7 @@ class _Iteration:
         is_open = np.isfinite(total) & (total > _CONVERGED * self.half_width)
         if not is_open.any():
             return False
-        normal = ((A * theta[:, None, :R]).reshape(-1, R) @ A.T).reshape(-1, self.M, self.M)
-        diagonal = np.arange(self.M)
-        normal[:, diagonal, diagonal] += theta[:, R:]
+        normal = self._normal(theta)
         slack, missing = self.q - self.pulled, self.rho - self._product(z)
         dz = self._direction(normal, theta, missing, slack)[0]
         low, high = dz * inverse_low, dz * inverse_high
@@ -96,6 +96,18 @@ class _Iteration:
         usable = is_open & np.isfinite(length) & np.isfinite(dlam).all(axis=1)
         self._move(np.where(usable, length, 0.0)[:, None], [dz, dlam, pull, less_low, less_high])
         return True
+
+    def _normal(self, theta: Matrix) -> Matrix:
+        """H diag(theta) H' + diag of the rest, (B, M, M)."""
+        B, M = self.lam.shape
+        normal = np.zeros((B, M, M))
+        for first, columns in self.blocks:
+            part = self.A[first:, columns]
+            weighted = (part * theta[:, None, columns]).reshape(-1, part.shape[1])
+            normal[:, first:, first:] += (weighted @ part.T).reshape(B, M - first, M - first)
+        diagonal = np.arange(M)
+        normal[:, diagonal, diagonal] += theta[:, self.R :]
+        return normal
 
     def _move(self, length: Matrix, steps: list[Matrix]) -> None:
         """Go so far in z, lam and pulled, back in zl and zu; keep the best multipliers."""
@@ -128,6 +140,17 @@ class _Iteration:
     def _product(self, z: Matrix) -> Matrix:
         """(H I) z."""
         return z[:, : self.R] @ self.A.T + z[:, self.R :]
+
+
+def _blocks(A: Matrix) -> list[tuple[int, slice]]:
+    """(first row, columns): columns of later stages are zero in the rows of earlier samples."""
+    M, R = A.shape
+    count = 1 if M * R < _FEWEST_ENTRIES else 4
+    first = np.minimum.accumulate(np.argmax(A != 0.0, axis=0)[::-1])[::-1]
+    starts = [M * k // count for k in range(count)]
+    ends = [*np.searchsorted(first, starts[1:]).tolist(), R]
+    begins = [0, *ends[:-1]]
+    return [(row, slice(a, b)) for row, a, b in zip(starts, begins, ends, strict=True) if b > a]
 
 
 def _length(high: Matrix, low: Matrix, less_low: Matrix, less_high: Matrix) -> Matrix:

@@ -40,6 +40,10 @@ class FlowSeries:
     def flow(self, t: float, error: float) -> tuple[Enclosure, Enclosure]:
         """(e^{A s}, int_0^s e^{A r} dr) for every s >= 0 within `error` of t >= 0."""
         halvings = self._halvings(t + error)
+        if halvings > _MOST_DOUBLINGS:
+            n = len(self.A)
+            unknown = Enclosure(np.zeros((n, n)), np.full((n, n), np.inf))
+            return unknown, unknown
         scale = 2.0**-halvings
         Phi, integral = self._near(self._table, t * scale, error * scale)
         for _ in range(halvings):
@@ -50,6 +54,8 @@ class FlowSeries:
     def growth(self, t: float) -> Matrix:
         """Upper bound of e^{|A| t}, t >= 0."""
         halvings = self._halvings(t)
+        if halvings > _MOST_DOUBLINGS:
+            return np.full(self.A.shape, np.inf)
         whole, _ = self._near(self._sizes, math.ldexp(t, -halvings), 0.0)
         upper = np.where(self._pattern, whole.upper, 0.0)
         for _ in range(halvings):
@@ -58,9 +64,9 @@ class FlowSeries:
 
     def _halvings(self, t: float) -> int:
         argument = self.norm * t
-        if not argument > _LARGEST_ARGUMENT:
-            return 0
-        return min(math.ceil(math.log2(argument / _LARGEST_ARGUMENT)), _MOST_DOUBLINGS)
+        if not math.isfinite(argument):
+            return _MOST_DOUBLINGS + 1
+        return max(0, math.ceil(math.log2(max(argument, 1e-300) / _LARGEST_ARGUMENT)))
 
     @cached_property
     def _pattern(self) -> Matrix:

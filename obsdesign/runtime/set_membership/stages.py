@@ -60,7 +60,7 @@ class Stage(NamedTuple):
 class Window:
     """Arrays of T stages, oldest first; start (2, n): the box before the first.
 
-    Phi (T, n, n), drift (T, n) and their errors; columns (T, n, 3, pieces, width), bend, length
+    Phi (T, n, n), drift (T, n) and their errors; columns (T, n, 3, pieces, width), spread, length
     (T, 1, 1, 1), radius (T, 1, 1, width): see `Table`. strips (T, 2, p): zeros without a sample;
     sampled (T,). sizes (T + 1, n): bound of |z| before the first stage and after each. C (p, n).
     """
@@ -72,7 +72,7 @@ class Window:
     drift_error: Matrix
     columns: Matrix
     column_error: Matrix
-    bend: Matrix
+    spread: Matrix
     length: Matrix
     radius: Matrix
     strips: Matrix
@@ -92,8 +92,8 @@ def magnitude(box: Matrix) -> Matrix:
 
 def drift_of(table: Table, known: Matrix) -> tuple[Matrix, Matrix]:
     """(forced @ known, its error): what known inputs and middles of disturbances add to z."""
-    moved = table.forced @ Enclosure.exactly(known[:, None])
-    return moved.mid[:, 0], moved.rad[:, 0]
+    driven = table.forced @ Enclosure.exactly(known[:, None])
+    return driven.mid[:, 0], driven.rad[:, 0]
 
 
 def table_of(tables: Tables, stage: Stage) -> Table:
@@ -109,11 +109,11 @@ def window_of(
     T, n, p = len(stages), model.n, len(model.C)
     pieces = max(table.pieces for table in listed)
     columns, column_error = np.zeros((2, T, n, 3, pieces, model.width))
-    bend = np.zeros((T, n, pieces, model.width))
+    spread = np.zeros((T, n, 2, pieces, model.width))
     for k, table in enumerate(listed):
         columns[k, :, :, : table.pieces] = table.columns
         column_error[k, :, :, : table.pieces] = table.column_error
-        bend[k, :, : table.pieces] = table.bend
+        spread[k, :, :, : table.pieces] = table.sizes
     strips = np.zeros((T, 2, p))
     for k, stage in enumerate(stages):
         if stage.strip is not None:
@@ -129,7 +129,7 @@ def window_of(
         phi_error=np.array([t.phi_error for t in listed]),
         drift=np.array([s.drift for s in stages]),
         drift_error=np.array([s.drift_error for s in stages]),
-        columns=columns, column_error=column_error, bend=bend,
+        columns=columns, column_error=column_error, spread=spread,
         length=np.array([t.length for t in listed])[:, None, None, None],
         radius=np.array([s.radius for s in stages])[:, None, None, :], strips=strips,
         sampled=np.array([s.strip is not None for s in stages]), sizes=sizes, C=model.C,

@@ -3,7 +3,7 @@
     z+ = Phi z + forced [u; w_mid] + what the disturbance adds
 
 The last term is known by its support function (`obsdesign.equations.set_membership.support`): its
-columns F0, FM, F1, E2 for every piece of a step and every active column of the disturbance, of
+columns F0, FM, F1, E2, E0 for every piece of a step and every active column of the disturbance, of
 radius one. A jump is one piece with F0 alone, of length zero.
 """
 
@@ -25,9 +25,10 @@ from obsdesign.runtime.step_cache import shared_step
 # ||A|| times the length of a piece, roughly: its square is the error of the support function
 _PIECE = 0.25
 _MOST_PIECES = 32
-_RECENT = 1024  # step lengths as they come, before rounding
+_RECENT = 256  # step lengths as they come, before rounding; at least those of a window
 # pieces that are taken as one in the search for multipliers, where a step has more than two
-_GROUPED = 4
+_GROUPED = 2
+_SHORT = 0.4  # ||A|| times a step that is one piece in that search
 
 # (generators, their columns of the disturbance, remainder) of a table
 Generators = tuple[Matrix, Indices, Matrix]
@@ -38,10 +39,10 @@ class Table:
     """A map of a stage.
 
     Phi (n, n), with phi_error, that of a product with it included; forced (n, inputs + columns);
-    columns (n, 3, pieces, width): F0, FM, F1, with column_error; bend (n, pieces, width): E2;
-    length: of a piece, rounded up. generators (n, g), units (g,), remainder (n, width): a box
-    combination (generators, scaled by the radius of their column, and a box) that contains what
-    the disturbance adds, up to rounding: for the search of multipliers alone.
+    columns (n, 3, pieces, width): F0, FM, F1, with column_error; sizes (n, 2, pieces, width): E2
+    and E0; length: of a piece, rounded up. generators (n, g), units (g,), remainder (n, width):
+    generators, scaled by the radius of their column, and a box, which together contain what the
+    disturbance adds, up to rounding: for the search of multipliers alone.
     """
 
     Phi: Matrix
@@ -49,7 +50,7 @@ class Table:
     forced: Enclosure
     columns: Matrix
     column_error: Matrix
-    bend: Matrix
+    sizes: Matrix
     length: float
     generators: Matrix
     units: Indices
@@ -67,6 +68,9 @@ class Tables:
     def __init__(self, model: Model) -> None:
         self._model = model
         self._series = FlowSeries(model.A)
+        size = np.abs(model.A)
+        np.fill_diagonal(size, np.diag(model.A))
+        self._comparison = FlowSeries(size)  # |e^{A s}| <= e^{Mz(A) s}
         self._steps: OrderedDict[tuple[float, int], Table] = OrderedDict()
         self._recent: dict[tuple[float, int], Table] = {}
 
@@ -91,10 +95,11 @@ class Tables:
         columns = np.zeros((n, 3, 1, width))
         columns[:, 0, 0, : len(c.active)] = c.matrix[:, c.active]
         units = np.arange(len(c.active))
-        remainder = np.zeros((n, width))
+        none, sizes = np.zeros((n, 0)), np.zeros((n, 2, 1, width))
+        sizes[:, 1] = np.abs(columns[:, 0])
         return _table(
             Enclosure.exactly(model.G), forced, Enclosure(columns, np.zeros_like(columns)),
-            np.zeros((n, 1, width)), 0.0, (columns[:, 0, 0, units], units, remainder),
+            sizes, length=0.0, generators=(columns[:, 0, 0, units], units, none),
         )  # fmt: skip
 
     @cached_property
@@ -112,10 +117,10 @@ class Tables:
         model, width = self._model, self._model.width
         n, k = model.n, model.inputs.shape[1] + model.flow.matrix.shape[1]
         nothing = Enclosure.exactly(np.zeros((n, 3, 1, width)))
-        none = (np.zeros((n, 0)), np.zeros(0, dtype=int), np.zeros((n, width)))
+        none = (np.zeros((n, 0)), np.zeros(0, dtype=int), np.zeros((n, 0)))
         return _table(
             Enclosure.exactly(np.eye(n)), Enclosure.exactly(np.zeros((n, k))), nothing,
-            np.zeros((n, 1, width)), 0.0, none,
+            np.zeros((n, 2, 1, width)), length=0.0, generators=none,
         )  # fmt: skip
 
     def _flow(self, h: float, error: float) -> Table:
@@ -139,26 +144,39 @@ class Tables:
         F0 = Enclosure(pushed.mid[:, :, first + active], pushed.rad[:, :, first + active])
         FM = Enclosure(pushed.mid[:, :, k:], pushed.rad[:, :, k:])
         F1 = Enclosure.exactly(model.A) @ FM
-        curved = (self._squares @ (starts @ middle)).magnitude
-        growth = series.growth(half + half_error) @ np.abs(entering.mid)
-        E2 = raised(curved @ growth, 4 * model.n)
-        columns = _padded([F0, FM, F1], width)
-        bend = np.zeros((model.n, count, width))
-        bend[:, :, :r] = E2.transpose(1, 0, 2)
+        of_pieces = self._sizes(starts, middle, half, half_error)
+        sizes = np.zeros((model.n, 2, count, width))
+        sizes[:, :, :, :r] = np.stack(of_pieces).transpose(2, 0, 1, 3)
         length = math.nextafter(2.0 * (half + half_error), math.inf)
-        generators = _generators(F0, F1, E2, length, width)
-        return _table(Phi, forced, columns, bend, length, generators)
+        groups = _group_count(series.norm * h, count)
+        generators = _generators(F0, F1, of_pieces, length, groups)
+        columns = _padded([F0, FM, F1], width)
+        return _table(Phi, forced, columns, sizes, length=length, generators=generators)
+
+    def _sizes(
+        self, starts: Enclosure, middle: Enclosure, half: float, half_error: float
+    ) -> tuple[Matrix, Matrix]:
+        """(E2, E0), (pieces, n, r) each, of pieces that begin with `starts`; half: their length."""
+        entering = np.abs(self._model.flow.matrix[:, self._model.flow.active])
+        roundings = 4 * len(entering)
+        curved = (self._squares @ (starts @ middle)).magnitude
+        E2 = curved @ raised(self._series.growth(half + half_error) @ entering, roundings)
+        _, spread = self._comparison.flow(2.0 * half, 2.0 * half_error)
+        pushed = raised(np.maximum(spread.upper, 0.0) @ entering, roundings)
+        return raised(E2, roundings), raised(starts.magnitude @ pushed, roundings)
 
 
 def _table(
-    Phi: Enclosure, forced: Enclosure, columns: Enclosure, bend: Matrix, length: float,
-    generators: Generators,
+    Phi: Enclosure, forced: Enclosure, columns: Enclosure, sizes: Matrix, *,
+    length: float, generators: Generators,
 ) -> Table:  # fmt: skip
     n = len(Phi.mid)
+    remainder = np.zeros((n, sizes.shape[3]))
+    remainder[:, : generators[2].shape[1]] = generators[2]
     return Table(
         Phi=Phi.mid, phi_error=_with_product(Phi, n), forced=forced, columns=columns.mid,
-        column_error=_with_product(columns, n), bend=bend, length=length,
-        generators=generators[0], units=generators[1], remainder=generators[2],
+        column_error=_with_product(columns, n), sizes=sizes, length=length,
+        generators=generators[0], units=generators[1], remainder=remainder,
     )  # fmt: skip
 
 
@@ -196,22 +214,25 @@ def _padded(parts: list[Enclosure], width: int) -> Enclosure:
     return Enclosure(mid, rad)
 
 
-def _generators(F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: int) -> Generators:
-    """(generators, their columns, remainder) of pieces, several of them as one.
+def _group_count(argument: float, count: int) -> int:
+    """Pieces of the search for multipliers, a part of all; argument: ||A|| times the step."""
+    return 1 if argument <= _SHORT else min(count, max(2, count // _GROUPED))
+
+
+def _generators(
+    F0: Enclosure, F1: Enclosure, sizes: tuple[Matrix, Matrix], length: float, groups: int
+) -> Generators:
+    """(generators, their columns, remainder (n, r)) of pieces, several of them as one.
 
     A piece of length d adds F0 w_mean, a deviation of at most d^2/4 |p'F1| from it and a box of
-    d^3/12 E2.
+    d^3/12 E2; a box of E0 holds all of it. sizes: E2 and E0.
     """
     count, n, r = F0.mid.shape
-    groups = min(count, max(2, count // _GROUPED))
-    group = count // groups
-    d = length * group
-    shape = (groups, group, n, r)
+    shape = (groups, count // groups, n, r)
+    d = length * shape[1]
     mean = F0.mid.reshape(shape).sum(axis=1)
     slope = np.abs(F1.mid).reshape(shape).mean(axis=1) * (0.25 * d * d)
-    bend = E2.reshape(shape).max(axis=1) * (d**3 / 12.0)
+    bend = sizes[0].reshape(shape).max(axis=1) * (d * d * d / 12.0)
+    remainder = np.fmin((slope + bend).sum(axis=0), sizes[1].sum(axis=0))
     columns = mean.transpose(1, 0, 2).reshape(n, -1)
-    units = np.tile(np.arange(r), groups)
-    remainder = np.zeros((n, width))
-    remainder[:, :r] = (slope + bend).sum(axis=0)
-    return columns, units, remainder
+    return columns, np.tile(np.arange(r), groups), remainder

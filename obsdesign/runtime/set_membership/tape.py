@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import TINY, UNIT
@@ -101,8 +102,11 @@ class Bounder:
         mu = self._proposed(window, targets)
         upper = upper_bounds(window, targets, mu)
         box = _shared(tape.box, _box(upper[: 2 * n]))
-        for fixed in self._fixed(window):
-            box = _shared(box, _box(upper_bounds(window, self._state_targets(last), fixed)))
+        fixed = self._fixed(window)
+        if len(fixed):
+            phases = self._state_targets(last, len(fixed) // (2 * n))
+            ends = upper_bounds(window, phases, fixed)
+            box = _shared(box, _box(ends.reshape(-1, 2 * n).min(axis=0)))
         if (box[0] > box[1]).any():
             return self._contradiction(window, targets, mu, tape)
         stage = tape.stages[-1]._replace(box=box)
@@ -129,15 +133,21 @@ class Bounder:
         )
         return mu
 
-    def _fixed(self, window: Window) -> list[Matrix]:
-        """Stored multipliers of the phases whose samples are those of the window."""
-        stored = self.gains.multipliers
-        if stored is None or len(window) != self.gains.window:
-            return []
-        used = stored.any(axis=(1, 3))
-        fits = (used <= window.sampled).all(axis=1)
-        own = [mu * self.model.scales[:, None, None] for mu in stored[fits]]
-        return [np.concatenate([-mu, mu]) for mu in own]
+    def _fixed(self, window: Window) -> Matrix:
+        """(B, stages, p): multipliers of the phases whose samples the window has, 2 n for each."""
+        stored, used = self._stored
+        if len(window) != self.gains.window:
+            return stored[:0].reshape(0, *stored.shape[2:])
+        return stored[(used <= window.sampled).all(axis=1)].reshape(-1, *stored.shape[2:])
+
+    @cached_property
+    def _stored(self) -> tuple[Matrix, NDArray[np.bool_]]:
+        """Multipliers of -z, then of z, (phases, 2 n, stages, p), and the samples that they use."""
+        mu = self.gains.multipliers
+        if mu is None:
+            mu = np.zeros((0, self.model.n, self.gains.window, len(self.model.C)))
+        own = mu * self.model.scales[:, None, None]
+        return np.concatenate([-own, own], axis=1), np.asarray(mu.any(axis=(1, 3)))
 
     def _contradiction(
         self, window: Window, targets: Targets, mu: Matrix, tape: Tape
@@ -173,9 +183,9 @@ class Bounder:
         own = self.gains.directions / self.model.scales
         return np.vstack([-unit, unit, -own, own])
 
-    def _state_targets(self, place: int) -> Targets:
-        n = self.model.n
-        return Targets(self._rows[: 2 * n], np.full(2 * n, place))
+    def _state_targets(self, place: int, times: int = 1) -> Targets:
+        rows = np.tile(self._rows[: 2 * self.model.n], (times, 1))
+        return Targets(rows, np.full(len(rows), place))
 
     def _targets(self, tape: Tape) -> tuple[Targets, int | None]:
         """All that is bounded, and the stage that the lagged bounds are about, if there is one."""
@@ -225,14 +235,20 @@ def _products(rows: Matrix, box: Matrix) -> Matrix:
 def strip_cut(box: Matrix, C: Matrix, strip: Matrix) -> Matrix | None:
     """The box around the part of a box with C z in the strip (2, p); None if it is empty."""
     n = C.shape[1]
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         # C_ri z_i <= high_r - sum over j != i of the least C_rj z_j
-        low, high = np.minimum(C * box[0], C * box[1]), np.maximum(C * box[0], C * box[1])
-        others = 1.0 - np.eye(n)
-        size = np.maximum(np.abs(low), np.abs(high)) @ others + np.abs(strip).max(axis=0)[:, None]
+        ends = np.where(C == 0, 0.0, C * box[:, None, :])
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        own = np.eye(n, dtype=bool)
+
+        def others(values: Matrix) -> Matrix:
+            """Sums over j != i, (p, n); an unbounded z_i leaves the bounds of z_i itself."""
+            return np.asarray(np.where(own, 0.0, values[:, None, :]).sum(axis=2))
+
+        size = others(np.maximum(np.abs(low), np.abs(high))) + np.abs(strip).max(axis=0)[:, None]
         pad = (2 * n + 12) * UNIT * size + TINY
-        top = strip[1][:, None] - low @ others + pad
-        bottom = strip[0][:, None] - high @ others - pad
+        top = strip[1][:, None] - others(low) + pad
+        bottom = strip[0][:, None] - others(high) - pad
         lower = np.where(C > 0, bottom, top) / C
         upper = np.where(C > 0, top, bottom) / C
     # no bound where C is zero, or from a box that is not finite

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.dwell_search import dwell_bracket
 from lmi.solvers import Solvers, merged
@@ -26,14 +25,12 @@ from obsdesign.synthesis.interval.task import Task
 from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
 
 
-def plain_frame(problem: Problem, form: str) -> Mapping[str, Any]:
+def plain_frame(problem: Problem, form: str) -> Entries:
     """Return the plant's own coordinates, for a form that needs some."""
     return {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
 
 
-def with_zero_gains(
-    problem: Problem, form: str, given: Mapping[str, Any], frame: Mapping[str, Any]
-) -> Candidate:
+def with_zero_gains(problem: Problem, form: str, given: Entries, frame: Entries) -> Candidate:
     """The candidate of a form whose open gains are zero."""
     zero = np.zeros((problem.plant.n, problem.plant.p))
     gains = gains_of_form(problem, form, given.get("L", zero), given.get("M", zero), frame)
@@ -84,7 +81,7 @@ def _widths(
     problem: Problem, gains: IntervalGains, system: WidthSystem, approx: WidthSystem
 ) -> Certificates:
     """Return certificates of the width with a continuous y, and with samples of it."""
-    certificates: dict[str, Mapping[str, Any]] = {}
+    certificates: dict[str, Entries] = {}
     width = proved_width(system, approx, *gains.dwell_ends)
     if width is not None:
         certificates["width"] = width

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries
 from lmi.arithmetic.balls import exact, inverse
 from lmi.solvers import Solvers, merged
 from obsdesign.equations.interval.width import WidthSystem
@@ -26,7 +25,7 @@ _TRIAL_WORK = 75_000
 
 
 def sampled_candidates(
-    search: GainSearch, form: str, frames: Iterable[Mapping[str, Any]]
+    search: GainSearch, form: str, frames: Iterable[Entries]
 ) -> Iterator[Candidate]:
     """Yield one candidate with samples as events: gain and coordinates that are proved, if any.
 
@@ -65,11 +64,11 @@ class _SampledTrial:
 
     cost: float
     L: Array
-    frame: Mapping[str, Any]
+    frame: Entries
     solvers: Solvers
 
 
-def _sampled_trials(search: GainSearch, frame: Mapping[str, Any]) -> Iterator[_SampledTrial]:
+def _sampled_trials(search: GainSearch, frame: Entries) -> Iterator[_SampledTrial]:
     problem, given = search.problem, search.given
     plant = SampledPlant(problem, frame.get("S"), search.budget, search.user)
     skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None

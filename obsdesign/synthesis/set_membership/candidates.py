@@ -1,41 +1,117 @@
-"""The multiplier observer of a problem: nothing is searched but the length of its window."""
+"""The multiplier observer of a problem: its window, and multipliers of the nominal pattern."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lmi.time_budget import UNLIMITED, TimeBudget
-from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
+from lmi.arithmetic.arrays import NewEntries
+from lmi.decide.stability import decide
+from lmi.solvers import Solvers
+from lmi.time_budget import UNLIMITED, Remark, TimeBudget, ended_by_count, remark_end
+from obsdesign.analysis.set_membership.requirements import (
+    pattern_of,
+    reason_against,
+    shortest_window,
+    unobservable_part,
+)
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.options import SetMembershipOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.set_membership.tube import WORK, Search, Tube, Witness
 
 # stages by number of states: a window that is exact to a few percent on random plants
 _WINDOWS = ((2, 8), (4, 16))
 _LONGEST_DEFAULT = 30
+# windows that are tried; the shortest one serves whose width is at most so many times the least
+# possible one, or the one of the longest window
+_TRIED = (8, 16, _LONGEST_DEFAULT)
+_NEAR = 1.1
 
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield the observer of the problem; DoesNotApply where its bounds need what is missing."""
-    del budget
-    if reason := reason_against_unbounded(problem.plant, "set_membership"):
-        raise DoesNotApply(reason)
     problem.require_noise_bound("kind 'set_membership'")
+    if reason := reason_against(problem):
+        raise DoesNotApply(reason)
     options = problem.options_as(SetMembershipOptions)
-    window = options.window or max(
-        default_window(problem.plant.n), 2 * (options.fixed_lag or 0)
+    chosen = _chosen(problem, budget)
+    gains = _gains(problem, chosen.window)
+    certificates: dict[str, NewEntries] = _decay(problem, budget)
+    if chosen.tube is not None:
+        gains = replace(gains, multipliers=chosen.tube.multipliers)
+        certificates["width"] = {"tube": chosen.tube.radii.tolist()}
+    if chosen.witness is not None:
+        certificates["optimal"] = {"trajectories": chosen.witness.to_document()}
+    solvers: Solvers = () if chosen.tube is None else ("HiGHS",)
+    yield Candidate(
+        f"window of {chosen.window} stages", gains, certificates, options.window is None,
+        remarks=chosen.remarks, solvers=solvers,
     )  # fmt: skip
-    gains = SetMembershipGains.from_plant(
-        problem.plant, window=window, steps=options.steps, fixed_lag=options.fixed_lag,
-        directions=None if options.directions is None else np.array(options.directions),
-    )  # fmt: skip
-    yield Candidate(f"window of {window} stages", gains)
 
 
 def default_window(n: int) -> int:
-    """Stages of a window for n states."""
+    """Stages of a window for n states where no width is proved."""
     return next((stages for most, stages in _WINDOWS if n <= most), _LONGEST_DEFAULT)
+
+
+@dataclass(frozen=True)
+class _Window:
+    """A length of the window, and what is proposed for it."""
+
+    window: int
+    tube: Tube | None = None
+    witness: Witness | None = None
+    remarks: tuple[Remark, ...] = ()
+
+
+def _chosen(problem: Problem, budget: TimeBudget) -> _Window:
+    """The window of the problem, or the shortest one that loses little."""
+    options, plant = problem.options_as(SetMembershipOptions), problem.plant
+    least = max(2 * (options.fixed_lag or 0), shortest_window(plant))
+    default = options.window or max(default_window(plant.n), least)
+    pattern = pattern_of(plant)
+    if isinstance(pattern, str):
+        return _Window(default)
+    search = Search(_gains(problem, default), pattern, budget.scaled(WORK))
+    lengths = sorted({max(count, least) for count in _TRIED})
+    tubes, witness = dict[int, Tube](), None
+    for count in lengths if options.window is None else (options.window,):
+        tube = search.tube(count)
+        if tube is None:
+            continue
+        tubes[count] = tube
+        witness = witness or search.witness(tube.radii)
+        if witness is not None and (tube.width <= _NEAR * witness.least).all():
+            break
+    if not tubes:
+        text = "no width is proved: no multipliers were found that hold one on the nominal pattern"
+        return _Window(default, remarks=(Remark(text),))
+    ended = ended_by_count("multiplications", int(budget.scaled(WORK))) if search.work < 0 else {}
+    remarks = remark_end("narrow widths", ended, matters=False)
+    limit = _NEAR * tubes[max(tubes)].width
+    window = next(count for count, tube in tubes.items() if (tube.width <= limit).all())
+    return _Window(window, tubes[window], witness, remarks)
+
+
+def _gains(problem: Problem, window: int) -> SetMembershipGains:
+    options = problem.options_as(SetMembershipOptions)
+    return SetMembershipGains.from_plant(
+        problem.plant, window=window, steps=options.steps, fixed_lag=options.fixed_lag,
+        directions=None if options.directions is None else np.array(options.directions),
+    )  # fmt: skip
+
+
+def _decay(problem: Problem, budget: TimeBudget) -> dict[str, NewEntries]:
+    """A certificate that the part which no sample sees contracts over the dwell times."""
+    hidden, jump = unobservable_part(problem.plant), problem.plant.jump
+    if hidden is None or jump is None or jump.dwell_time is None:
+        return {}
+    low, high = problem.require_dwell_time()
+    F, H = hidden.maps
+    verdict = decide(F, H, low, high, jitter=jump.dwell_jitter, budget=budget)
+    return {"attainable": dict(verdict.evidence)}

@@ -90,10 +90,11 @@ def _free_poles(poles: Sequence[Pole], system: Reduced) -> list[Pole]:
     k, hidden = len(system.A), system.hidden
     zeros = np.linalg.eigvals(hidden.T @ system.A @ hidden)
     movable = given = with_conjugates(poles)
+    near_zero = 1e-9 * float(np.abs(given).max())
     if len(given) == k:
         for zero in zeros:
             near = int(np.argmin(abs(movable - zero)))
-            if not np.isclose(movable[near], zero, rtol=1e-6, atol=1e-9):
+            if not np.isclose(movable[near], zero, rtol=1e-6, atol=near_zero):
                 break
             movable = np.delete(movable, near)
     free = k - len(zeros)

@@ -23,7 +23,7 @@ from obsdesign.analysis.riccati import riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.impulsive_input.evaluation import (
+from obsdesign.equations.impulsive_input.decision_rule import (
     evaluation_rule,
     reason_against_exponents,
     reason_against_margin,

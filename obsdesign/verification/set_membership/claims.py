@@ -1,50 +1,58 @@
-"""The multiplier observer: that the stored gains are those of the problem.
+"""The multiplier observer: its gains, what its samples determine, its widths.
 
-The bounds need no other hypothesis: they are certified at run time, for any multipliers.
+The bounds themselves need no hypothesis: they are certified at run time, for any multipliers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
-from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
+from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
 from obsdesign.document import Claim
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.set_membership.gains import SetMembershipGains, plant_entries
 from obsdesign.problem.options import SetMembershipOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
+from obsdesign.verification.set_membership.observability import observability_claims
+from obsdesign.verification.set_membership.optimal import optimal_claims
+from obsdesign.verification.set_membership.width import width_claims
 
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
-    """All hypotheses of the design, each with its verdict; stored: gains as a file states them."""
-    del certificates, paranoid, budget
-    agreement, _ = consistent_gains(
-        reason_against_problem(problem), stored, _expected(problem, stored),
+    """All claims of the design, each with its verdict; stored: gains as a file states them.
+
+    certificates: {"width": {"tube"}, "optimal": {"trajectories"}, "attainable": {"P"}} where they
+    were found; they are checked, never believed.
+    """
+    del budget  # proofs end by their size
+    agreement, gains = consistent_gains(
+        reason_against(problem), stored, _expected(problem, stored),
         SetMembershipGains.from_document,
     )  # fmt: skip
-    return (agreement,)
+    if gains is None:
+        return (agreement,)
+    observable = observability_claims(problem, gains, certificates.get("attainable", {}), paranoid)
+    pattern = pattern_of(problem.plant)
+    if isinstance(pattern, str):
+        return (agreement, *observable)
+    width = width_claims(gains, pattern, certificates.get("width", {}))
+    least = optimal_claims(
+        gains, pattern, certificates.get("optimal", {}), width[0] if width else None
+    )
+    return (agreement, *observable, *width, *least)
 
 
-def reason_against_problem(problem: Problem) -> str | None:
-    """Reason for which no bounds can be given for the problem; None if they can."""
-    if problem.plant.output.noise_bound is None:
-        return "output.noise_bound is required by kind 'set_membership'; it is missing."
-    return reason_against_unbounded(problem.plant, "set_membership")
-
-
-def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries) -> NewEntries:
     options = problem.options_as(SetMembershipOptions)
     expected = plant_data(problem.plant) | plant_entries(problem.plant)
     # a window that the problem leaves open is a choice: every one gives sound bounds

@@ -1,9 +1,15 @@
-"""Guarantees of the multiplier observer, in sentences."""
+"""Guarantees of the multiplier observer, in sentences, and its numbers for each state."""
 
 from __future__ import annotations
 
+from decimal import ROUND_CEILING, ROUND_FLOOR
+
+from lmi.arithmetic.arrays import Entries
+from obsdesign.analysis.set_membership.requirements import pattern_of
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.rates import six_digits
+from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
     "The bounds contain the state at every row, if they contain it at the start, b, c and v stay "
@@ -14,11 +20,58 @@ _CONTRADICTION = (
     "Bounds that cross prove that plant, declared bounds and data contradict each other; the "
     "samples whose multipliers prove it are named."
 )
+_ROUNDING = (
+    "Widths are those of exact arithmetic and exact time stamps: what rounding and half an ulp of "
+    "a time stamp add is inside the bounds, and widens them."
+)
+_NUMBERS = ("width", "best", "ratio")
 
 
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
-    del problem
     verdicts = {claim.id: claim.verdict for claim in claims}
-    sentences = (_ENCLOSURE, _CONTRADICTION)
-    return tuple(Guarantee.from_verdicts(text, ["consistent"], verdicts) for text in sentences)
+    sentences = [(_ENCLOSURE, ["consistent"]), (_CONTRADICTION, ["consistent"])]
+    rows = states(problem, claims)
+    widths, best, ratio = ([getattr(row, key) for row in rows] for key in _NUMBERS)
+    if None not in widths:
+        above = _shown(widths, ROUND_CEILING)
+        text = f"With {pattern_of(problem.plant)}, the width after a row comes to at most {above}."
+        sentences += [(text, ["width"]), (_ROUNDING, ["width"])]
+        if None not in best:
+            least, times = _shown(best, ROUND_FLOOR), _shown(ratio, ROUND_CEILING)
+            text = (
+                f"No observer can guarantee widths below {least} after all of these rows: the "
+                f"certified width is at most {times} times the least possible one."
+            )
+            sentences.append((text, ["width", "optimal"]))
+    return tuple(Guarantee.from_verdicts(text, names, verdicts) for text, names in sentences)
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """Where the data alone tell how narrow the bounds are."""
+    if any(claim.id == "width" for claim in claims):
+        return ()
+    pattern = pattern_of(problem.plant)
+    why = pattern if isinstance(pattern, str) else "no tube was found on the nominal pattern"
+    return (f"No width of the bounds is proved: {why}. The bounds of each row hold.",)
+
+
+def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
+    """Sensor strip, certified width, least possible width and their ratio, for each state."""
+    proved: dict[str, Entries] = {
+        claim.id: claim.evidence for claim in claims if claim.verdict == "proved"
+    }
+    n = problem.plant.n
+    none = [None] * n
+    width = proved.get("width", {}).get("always", none)
+    optimal = proved.get("optimal", {})
+    best, ratio = optimal.get("least", none), optimal.get("ratio") or none
+    return tuple(
+        StateWidths(f"x{i + 1}", None, strip, width[i], None, best[i], ratio[i])
+        for i, strip in enumerate(sensor_strips(problem.plant.output))
+    )
+
+
+def _shown(values: list[float | None], rounding: str) -> str:
+    """Text of a vector in six digits, a dash where there is no number."""
+    return "(" + ", ".join("-" if x is None else six_digits(x, rounding) for x in values) + ")"

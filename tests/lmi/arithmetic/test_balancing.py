@@ -186,3 +186,12 @@ def test_brackets_and_rates_in_any_units() -> None:
     assert (
         prove_rates(*pair, {"P": P}, 1.0, math.inf, rates=quicker, own=own).outcome == "undecided"
     )
+
+
+@pytest.mark.parametrize("place", ["flow", "jump"])
+def test_couplings_of_flow_and_jump_count_alike(place: str) -> None:
+    F, H, large = -np.eye(2), 0.5 * np.eye(2), 2.0**16
+    (F if place == "flow" else H)[0, 1] = large
+    sizes = Scaling.from_pair(exact(F), exact(H), 3.0).sizes  # the flow counts over a time of one
+    assert sizes[0] / sizes[1] == large
+    assert Scaling.from_pair(exact(F.T), exact(H.T), 3.0).sizes.tolist() == sizes[::-1].tolist()

@@ -1,14 +1,18 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lmi.arithmetic.balls import ball, exact, number, precision
 from lmi.arithmetic.exponential import expm
 from lmi.find.cutting_plane import propose
+from lmi.prove.bernstein import _Series
 from lmi.prove.common_matrix import prove_common
 from tests.systems.pairs import BALL, MINIMAL_43, PAPER_41, WIDTH_43, random_pair
 
@@ -135,3 +139,18 @@ def test_ranges_whose_powers_overflow(rate: float) -> None:
     assert prove_common([[rate]], [[0.5]], [[1.0]], 1.0, 1e20).outcome == "proved"
     # e^{1e-20 1e20} = e exceeds what the jump takes away
     assert prove_common([[1e-20]], [[0.5]], [[1.0]], 1.0, 1e20).outcome == "undecided"
+
+
+@pytest.mark.parametrize(("f", "h"), [(1.0, 0.5), (5.0, 1.0), (2000.0, 1e-3), (1e-3, 2000.0)])
+def test_the_remainder_of_a_box_is_above_the_series_and_close_to_it(f: float, h: float) -> None:
+    # N(u) = e^(f u): the terms of e^(2 f u) of degree above 8, all signs positive
+    with precision(256):
+        one: Any = SimpleNamespace(left=ball(exact([[1.0]])), F=ball(exact([[f]])))
+        series = _Series.from_family(one)
+        remainder = series.remainder(number(1.0), number(h))
+        assert remainder is not None
+        z = 2 * number(f) * number(h)
+        truth = z.exp() - sum((z**k / math.factorial(k) for k in range(1, 9)), number(1.0))
+        assert remainder > truth
+        assert remainder < truth * (1 + 1e-3)
+        assert series.remainder(number(1.0), number(40.0 / f)) is None

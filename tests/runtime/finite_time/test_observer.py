@@ -16,7 +16,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.finite_time import observer as finite_time
-from obsdesign.runtime.finite_time.window import HeldInput
+from obsdesign.runtime.finite_time.window import held_input
 from tests.cli.test_commands import command
 from tests.test_architecture import SOLVERS, run_blocked
 from tests.verification.finite_time.test_claims import ROTATION, L, sampled_problem
@@ -444,8 +444,7 @@ def test_bounds_of_an_unstable_plant_that_feedback_keeps_small() -> None:
             assert width <= 2 * observer.gains.radius[0] * (1 + 1e-9)
         u = -2.0 * estimate.x[0]
         # the sample's u holds from its time on: the one given with the next sample comes later
-        held = HeldInput(np.array([u]), observer.constants.driven(np.array([u])))
-        state = state._replace(held=held)
+        state = state._replace(held=held_input(observer.constants, np.array([u])))
         x = np.exp(0.1) * x + np.expm1(0.1) * u
 
 

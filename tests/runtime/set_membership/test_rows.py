@@ -280,3 +280,39 @@ def test_a_normal_form_keeps_the_disturbance_matrix() -> None:
     lower, upper = problem.plant.flow.b_bounds
     assert lower.tolist() == [-0.1, -0.1]
     assert upper.tolist() == [0.2, 0.05]
+
+
+def test_a_measured_state_recovers_from_overflow() -> None:
+    box = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
+    strip = np.array([[0.5], [0.7]])
+    cut = strip_cut(box, np.array([[2.0, 0.0]]), strip)
+    assert cut is not None
+    np.testing.assert_allclose(cut[:, 0], [0.25, 0.35], rtol=1e-12)
+    assert cut[0, 0] <= 0.25
+    assert cut[1, 0] >= 0.35
+    np.testing.assert_array_equal(cut[:, 1], [-np.inf, np.inf])
+    # the twin: the other state may be anything, and so may this one
+    open_cut = strip_cut(box, np.array([[2.0, 1.0]]), strip)
+    np.testing.assert_array_equal(open_cut, box)
+
+
+def test_a_jump_between_two_samples_misses_none() -> None:
+    flow = {"A": [[-1, 0], [1, -2]]}
+    jump = {"G": [[0.5, 0], [0, 0.5]], "dwell_time": [0.5, "inf"]}
+    output = {"C": [[0, 1]], "noise_bound": [0.03], "measured": "periodic", "period": 0.5}
+    problem = Problem.from_dict(
+        {"flow": flow, "jump": jump, "output": output, "observer": {"kind": "set_membership"}}
+    )
+    rows = [Sample(0.0, [0.0]), Sample(0.3, None, jump=True), Sample(0.5, [0.0])]
+    assert [e.status for e in _estimates(problem, rows)] == ["ok", "ok", "ok"]
+    rows = [Sample(0.0, [0.0]), Sample(0.5, None, jump=True), Sample(1.0, [0.0])]
+    missed = [e.status for e in _estimates(problem, rows)]
+    assert missed[:2] == ["ok", "missing sample"]
+    assert "since the last sample" in missed[2]
+
+
+@pytest.mark.parametrize("t", [np.nan, np.inf])
+def test_an_initial_time_is_finite(t: float) -> None:
+    observer = observer_of(CASES["degue"], 4)
+    with pytest.raises(ValueError, match="time must be finite"):
+        observer.init(t, lower=[0, 0], upper=[1, 1])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.equations.impulsive_input.evaluation import reason_against_exponents
+from obsdesign.equations.impulsive_input.decision_rule import reason_against_exponents
 from obsdesign.equations.impulsive_input.features import (
     feature_scales,
     filtered_system,
@@ -18,6 +18,7 @@ from obsdesign.equations.impulsive_input.features import (
 )
 from obsdesign.runtime import from_design
 from obsdesign.verification.impulsive_input import claims as verification
+from obsdesign.verification.impulsive_input.window import shown
 from tests.systems.impulsive_input import CHAIN, observer_of, record
 
 TRAIN = ((20.0, 1.0), (50.0, 2.0), (80.0, -3.0), (120.0, 1.0))
@@ -305,3 +306,10 @@ def test_few_samples_leave_room_for_the_next_impulse(cells: float, seed: int) ->
             assert event.t == pytest.approx(onset, abs=1e-4)
             assert event.weights[0] == pytest.approx(weight, abs=1e-4)
         assert len(events) >= 5
+
+
+def test_directions_are_shown_with_their_largest_entry_one() -> None:
+    assert shown([0.5, -2.0, 0.0]) == "[0.25, -1, 0]"
+    assert shown([1.0, 3.0]) == "[0.3333, 1]"
+    assert shown([0.0, 0.0]) == "[0, 0]"
+    assert shown([]) == "[]"

@@ -102,7 +102,6 @@ def test_what_no_gain_reaches_refutes_every_gain() -> None:
         ({"observer__poles": [-1, -2, -3], "observer__gains": {"L": [[0, 0]] * 3}}, "observer.poles chooses L, but L is given or must be zero; drop one."),
         ({"observer__weights": {"state": [1, 1, 1]}, "output__measured": "at_jumps"}, "observer.weights chooses L, but L is given or must be zero; drop one."),
         ({"observer__weights": {"state": [1, 1, 1]}, "observer__poles": [-1, -2, -3]}, "observer.poles and observer.weights both choose L; drop one."),
-        ({"observer__poles": [-1, -1, -1]}, "observer.poles cannot be placed: a pole may stand at most 2 times, once per output."),
     ],
 )  # fmt: skip
 def test_options_that_contradict_each_other(changes: dict[str, Any], line: str) -> None:

@@ -71,9 +71,9 @@ class Grid:
 class Cells:
     """Statistics of an impulse in each cell between two rows of a window, N cells.
 
-    ends (N,): times of rows; moved (n, N, n): what is left in the filter now (first axis) of unit
-    errors at a cell's end (last); information (N, n, n), score (N, n); costs: squares of all scaled
-    innovations, one for each row; grid: onsets that are weighed at every step of the window.
+    ends (N,): times of rows; propagated (n, N, n): what is left in the filter now (first axis) of
+    unit errors at a cell's end (last); information (N, n, n), score (N, n); costs: squares of all
+    scaled innovations, one for each row; grid: onsets that are weighed at every step of the window.
     """
 
     ends: Matrix

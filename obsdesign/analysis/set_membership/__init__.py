@@ -1,0 +1,1 @@
+"""Facts about set-membership observers that synthesis and verification share."""

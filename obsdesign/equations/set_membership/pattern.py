@@ -1,0 +1,96 @@
+"""The nominal pattern of samples and jumps, for which a width can be stated before any data.
+
+Samples every period, jumps as early as the dwell time allows: at the first sample after it, or at
+the shortest dwell time where y is known at jumps only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from obsdesign.equations.set_membership.gains import SetMembershipGains
+
+MOST_STEPS = 120
+# relative tolerance of dwell times that are multiples of the period, as for time stamps
+_EQUAL = 1e-9
+
+
+class Step(NamedTuple):
+    """A stage of the pattern: a time h, or a jump (h = 0); a sample after it; the end of a row."""
+
+    h: float
+    jump: bool
+    sampled: bool
+    ends_row: bool
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Steps of one cycle, which repeats itself."""
+
+    cycle: tuple[Step, ...]
+
+    @property
+    def ends(self) -> tuple[int, ...]:
+        """Indices of the steps that end a row."""
+        return tuple(k for k, step in enumerate(self.cycle) if step.ends_row)
+
+    def window(self, end: int, count: int) -> tuple[Step, ...]:
+        """The `count` steps up to step `end` of the cycle, oldest first."""
+        return tuple(self.cycle[k % len(self.cycle)] for k in range(end - count + 1, end + 1))
+
+    def start(self, end: int, count: int) -> tuple[int, Step | None]:
+        """(row, step): a window begins after that row, or after that step of the row behind it."""
+        first = (end - count) % len(self.cycle)
+        if self.cycle[first].ends_row:
+            return self.ends.index(first), None
+        return self.ends.index((first - 1) % len(self.cycle)), self.cycle[first]
+
+    def windows(self, count: int) -> tuple[tuple[Step, ...], ...]:
+        """The different windows that rows end with, in the order of the cycle."""
+        return tuple(dict.fromkeys(self.window(end, count) for end in self.ends))
+
+    def fewest_samples(self, count: int) -> int:
+        """The least number of samples in a window."""
+        return min(sum(step.sampled for step in one) for one in self.windows(count))
+
+    def __str__(self) -> str:
+        steps = self.cycle
+        rows, period = len(self.ends), steps[0].h
+        if not steps[-1].jump:
+            return f"a sample every {period:.9g}"
+        if rows > 1 or steps[0].sampled != steps[1].sampled:
+            between = f"a jump every {rows * period:.9g}"
+            return f"a sample every {period:.9g} and {between}" if rows > 1 else between
+        return f"a jump every {period:.9g}"
+
+
+def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:
+    """The pattern of a design, or the reason for which there is none."""
+    if gains.measured == "continuous":
+        return "output.measured is continuous: the spacing of the samples is not stated"
+    when = gains.jump_measurement
+    jump = Step(0.0, True, when == "after", True)
+    if gains.G is None:
+        if gains.measured == "at_jumps" or gains.period is None:
+            return "there are no jumps, and y is known at jumps only"
+        return Pattern((Step(gains.period, False, True, True),))
+    if gains.dwell_time is None:
+        return "jump.dwell_time is not stated"
+    low, high = gains.dwell_range
+    if gains.measured == "at_jumps":
+        if low == 0:
+            return "the shortest dwell time is zero"
+        return Pattern((Step(low, False, when == "before", False), jump))
+    assert gains.period is not None
+    rows = low / gains.period * (1 - _EQUAL)
+    if rows > MOST_STEPS:
+        return f"more than {MOST_STEPS} samples fall between two jumps"
+    rows = max(math.ceil(rows), 1)
+    if rows * gains.period > high * (1 + _EQUAL):
+        return "no multiple of the period is a dwell time"
+    plain = Step(gains.period, False, True, True)
+    last = Step(gains.period, False, when == "before", False)
+    return Pattern((*(plain,) * (rows - 1), last, jump))

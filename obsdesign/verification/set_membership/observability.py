@@ -1,0 +1,201 @@
+"""Whether bounds come down to a limit that does not depend on the start.
+
+They do where the samples of every window determine the state, or where the part that no sample
+sees contracts by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array, Entries, Indices, Matrix, NewEntries
+from lmi.arithmetic.balls import (
+    Exact,
+    exact,
+    pivot_columns,
+    precision,
+    solve_entries,
+    to_float,
+)
+from lmi.arithmetic.exponential import expm
+from lmi.prove.hurwitz import prove_hurwitz
+from lmi.verdict import Verdict, proved, refuted, undecided
+from obsdesign.analysis.hidden_modes import HiddenPart, not_detectable
+from obsdesign.analysis.set_membership.requirements import (
+    pattern_of,
+    sampled_matrix,
+    unobservable_part,
+)
+from obsdesign.document import Claim
+from obsdesign.equations.set_membership.gains import SetMembershipGains
+from obsdesign.equations.set_membership.nominal import NominalMaps, StepMap
+from obsdesign.equations.set_membership.pattern import Pattern, Step
+from obsdesign.problem.problem import Problem
+from obsdesign.verification.dwell import Dwell, dwell_stability
+from obsdesign.verification.set_membership.width import BALLS
+
+_BITS = 320
+_ZERO = 1e-9  # of the largest entry of a direction
+_LONGEST_MORE = 40  # stages beyond the stored window that are tried
+
+
+def observability_claims(
+    problem: Problem, gains: SetMembershipGains, certificate: Entries, paranoid: bool
+) -> tuple[Claim, ...]:
+    """`observable_window`, or `attainable` where a part of the state is never seen."""
+    hidden = unobservable_part(problem.plant)
+    if hidden is not None:
+        return (_attainable(problem, hidden, certificate, paranoid),)
+    pattern = pattern_of(problem.plant)
+    if isinstance(pattern, str):
+        return (_at_any_spacing(gains),)
+    return (_of_every_window(gains, pattern),)
+
+
+def _attainable(
+    problem: Problem, hidden: HiddenPart, certificate: Entries, paranoid: bool
+) -> Claim:  # fmt: skip
+    dwell = _dwell(problem)
+    count = hidden.basis.shape[1]
+    plant = problem.plant
+    G = None if plant.jump is None else plant.jump.G
+    witness = not_detectable(plant.flow.A, G, sampled_matrix(plant), (dwell.low, dwell.high))
+    if witness is not None:
+        verdict = refuted(_with_direction(witness, hidden))
+    elif G is None:
+        verdict = prove_hurwitz(hidden.maps[0])
+    else:
+        flow, jump = hidden.maps
+        verdict = dwell_stability(flow, jump, dwell, certificate, paranoid)
+    if G is None and verdict.outcome != "refuted":
+        verdict = Verdict(verdict.outcome, {**verdict.evidence, "dimension": count})
+    return Claim.from_verdict(
+        "attainable",
+        f"the part of the state that no sample sees, of dimension {count}, contracts by itself: "
+        "no bounds depend on the start for ever",
+        "detectability",
+        verdict,
+    )
+
+
+def _with_direction(witness: Entries, hidden: HiddenPart) -> NewEntries:
+    """The witness with a direction of the state that does not contract; true of all windows."""
+    F, H = (to_float(X) for X in (hidden.maps[0], hidden.maps[-1]))
+    if isinstance(theta := witness.get("theta"), float):
+        values, vectors = np.linalg.eig(expm(F * theta) @ H)
+        worst = vectors[:, np.abs(values).argmax()]
+    else:
+        values, vectors = np.linalg.eig(F)
+        worst = vectors[:, values.real.argmax()]
+    along = to_float(hidden.basis) @ worst
+    along = (along / along[np.abs(along).argmax()]).real
+    direction = np.where(np.abs(along) < _ZERO, 0.0, along).tolist()
+    listed = ", ".join(f"{x:.6g}" for x in direction)
+    reason = f"{witness['reason']}; direction of the state that does not contract: ({listed})"
+    return {**witness, "reason": reason, "approx_direction": direction, "of_all_gains": True}
+
+
+def _dwell(problem: Problem) -> Dwell:
+    """The range of dwell times; every one without jumps, or where none is stated."""
+    jump = problem.plant.jump
+    if jump is None:
+        return Dwell(math.inf, math.inf)
+    return Dwell(0.0, math.inf) if jump.dwell_time is None else Dwell.from_problem(problem)
+
+
+def _at_any_spacing(gains: SetMembershipGains) -> Claim:
+    return Claim.from_verdict(
+        "observable_window",
+        "along flow and jumps no part of the state stays unseen: samples of a window determine "
+        "the state, spacings apart at which modes alias",
+        "observability",
+        proved(states=gains.n, method="exact"),
+    )
+
+
+def _of_every_window(gains: SetMembershipGains, pattern: Pattern) -> Claim:
+    count = gains.window
+    verdict = _full_rank(gains, pattern, count)
+    if verdict.outcome != "proved":
+        longer = range(count + 1, count + _LONGEST_MORE)
+        shortest = next(
+            (k for k in longer if _full_rank(gains, pattern, k).outcome == "proved"), None
+        )
+        if shortest is not None:
+            text = f"{verdict.reason}; the shortest window that does has {shortest} stages"
+            verdict = undecided(text, shortest=shortest)
+    return Claim.from_verdict(
+        "observable_window",
+        f"on the nominal pattern, {pattern}, the samples of every window of {count} stages "
+        "determine the state",
+        "observability",
+        verdict,
+    )
+
+
+def _full_rank(gains: SetMembershipGains, pattern: Pattern, count: int) -> Verdict:
+    """Do the samples of every window determine the state at its end?"""
+    with precision(_BITS):
+        maps = NominalMaps(gains, BALLS)
+        steps = maps.steps(pattern.cycle, lambda h: (1,))
+        for window in pattern.windows(count):
+            starts = _starts(gains, window)
+            if not any(_determines(steps, maps.C, window[k:], L) for k, L in starts):
+                return undecided(
+                    f"the samples of a window of {count} stages are not proved to determine the "
+                    "state"
+                )
+    return proved(states=gains.n, windows=len(pattern.windows(count)))
+
+
+def _starts(gains: SetMembershipGains, window: tuple[Step, ...]) -> Iterator[tuple[int, Exact]]:
+    """(k, basis): the state before step k is basis z for an unknown z, known disturbances apart.
+
+    Behind a jump with a singular G it is in the range of G, so that fewer samples determine it.
+    """
+    yield 0, exact(np.eye(gains.n))
+    if gains.G is None:
+        return
+    G = exact(gains.G)
+    basis = G[:, pivot_columns(G)]
+    if basis.shape[1] < gains.n:
+        yield from ((k + 1, basis) for k, step in enumerate(window) if step.jump)
+
+
+def _determines(
+    steps: dict[Step, StepMap], C: Array, window: tuple[Step, ...], basis: Exact
+) -> bool:  # fmt: skip
+    """Is the map from z to the samples of a window injective? x = basis z before it."""
+    state, rows = basis, [np.zeros((0, basis.shape[1]), dtype=object)]
+    for step in window:
+        state = steps[step].Phi @ state
+        if step.sampled:
+            rows.append(C @ state)
+    observed = np.vstack(rows)
+    chosen = _independent(observed)
+    if chosen is None:
+        return False
+    square = observed[chosen]
+    return solve_entries(square, exact(np.eye(len(square)))) is not None
+
+
+def _independent(rows: Array) -> Indices | None:
+    """Indices of n rows that are independent in floats; None if there are fewer."""
+    n = rows.shape[1]
+    left: Matrix = np.array([[float(x) for x in row] for row in rows]).reshape(len(rows), n)
+    size = np.linalg.norm(left, axis=1, keepdims=True)
+    left = left / np.where(size > 0, size, 1.0)
+    chosen = []
+    for _ in range(n):
+        norms = np.linalg.norm(left, axis=1)
+        best = int(norms.argmax()) if len(norms) else -1
+        if best < 0 or not norms[best] > 0:
+            return None
+        chosen.append(best)
+        unit = left[best] / norms[best]
+        left = left - np.outer(left @ unit, unit)
+        left[best] = 0.0
+    return np.array(chosen, dtype=np.intp)

@@ -1,0 +1,42 @@
+"""What a design says of each state in numbers: `states` in the results of design and verify."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from obsdesign.problem.plant import Output
+
+
+@dataclass(frozen=True)
+class StateWidths:
+    """Widths of the bounds of a state; None where there is none.
+
+    strip: what one sample alone leaves open, where an output is this state alone; width: certified;
+    typical: mean over the default simulation; best: no observer can guarantee less; ratio: of width
+    and best.
+    """
+
+    name: str
+    unit: str | None
+    strip: float | None
+    width: float | None
+    typical: float | None
+    best: float | None
+    ratio: float | None
+
+
+def sensor_strips(output: Output) -> list[float | None]:
+    """Width of each state that one sample of an output leaves open; None where none is it alone."""
+    C, radius = output.C, output.noise_radius
+    strips: list[float | None] = [None] * C.shape[1]
+    if radius is None:
+        return strips
+    for row, bound in zip(C, radius, strict=True):
+        used = np.flatnonzero(row)
+        if len(used) == 1:
+            i, width = int(used[0]), float(2 * bound / abs(row[used[0]]))
+            before = strips[i]
+            strips[i] = width if before is None else min(before, width)
+    return strips

@@ -1,0 +1,256 @@
+"""Noise in windows and filters: covariances written out, sums one by one."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import chi2
+
+from obsdesign.equations.impulsive_input import deviations
+from obsdesign.equations.impulsive_input.features import window_taps
+from obsdesign.runtime.impulsive_input import whitening
+from obsdesign.runtime.impulsive_input.event import Event
+from obsdesign.runtime.impulsive_input.history import History, short_dwell
+from obsdesign.runtime.impulsive_input.integral import covariance, recursions
+from obsdesign.runtime.impulsive_input.integral.search import Rule, Search
+from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
+from obsdesign.runtime.impulsive_input.samples.filter import square_root, triangular
+from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
+
+TAPS = window_taps(np.array([-2.0, -0.5, 1.0]), np.linspace(0, 1.5, 16))
+
+
+def spread(p: int = 2) -> np.ndarray:
+    return np.random.default_rng(0).uniform(0.5, 2.0, (16, p))
+
+
+@pytest.mark.parametrize("freedom", [1, 2, 10, 300])
+def test_the_chi_squared_limit_is_its_quantile(freedom: int) -> None:
+    assert whitening.chi_squared_limit(freedom) == pytest.approx(chi2.ppf(0.999, freedom), rel=0.04)
+    assert whitening.chi_squared_limit(0) == math.inf
+
+
+def test_whitened_features_have_unit_covariance() -> None:
+    s, error = spread(), np.random.default_rng(1).standard_normal((16, 2))
+    R, T = whitening.whitened(TAPS, error, s)
+    N = whitening.noise_covariance(TAPS, s)
+    plain = np.concatenate([TAPS.T @ error[:, j] for j in range(2)])
+    np.testing.assert_allclose(R, T @ plain, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(T @ N @ T.T, np.eye(6), atol=1e-9)
+    for j in range(2):
+        expected = TAPS.T @ np.diag(s[:, j] ** 2) @ TAPS
+        part = slice(3 * j, 3 * j + 3)
+        np.testing.assert_allclose(N[part, part], expected, rtol=1e-12)
+    assert (N[:3, 3:] == 0).all()
+    largest = max(np.linalg.norm(TAPS * s[:, j, None], 2) for j in range(2))
+    assert whitening.feature_deviation(TAPS, s) == largest
+    # features that are the same twice count once
+    double = np.hstack([TAPS, TAPS[:, :1]])
+    assert len(whitening.whitened(double, error, s).R) == 6
+
+
+def test_deviations_of_the_noise() -> None:
+    gains = SimpleNamespace(noise_std=np.array([0.3, 0.0]), noise_cv=np.array([0.4, 0.1]))
+    y, level = np.array([[1.0, 0.0], [-2.0, -2.0]]), np.array([5.0, 4.0])
+    values = whitening.noise_deviation(gains, y, level)
+    np.testing.assert_allclose(values, [[0.5, 0.1 * 4e-3], [math.hypot(0.3, 0.8), 0.2]], rtol=1e-12)
+    nothing = whitening.noise_deviation(gains, np.zeros((1, 2)), np.zeros(2))
+    assert nothing.tolist() == [[0.3, 0.1]]
+
+
+def test_deviations_of_a_plain_fit() -> None:
+    rng = np.random.default_rng(2)
+    impulse: Any = SimpleNamespace(
+        b=rng.standard_normal((6, 1)), b_dot=rng.standard_normal((6, 1)), weights=np.array([2.5])
+    )
+    age, weights = whitening.plain_deviations(impulse, TAPS, spread())
+    J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])
+    back = np.linalg.pinv(J)
+    C = back @ whitening.noise_covariance(TAPS, spread()) @ back.T
+    assert age == pytest.approx(math.sqrt(C[0, 0]))
+    assert weights == pytest.approx([math.sqrt(C[1, 1])])
+    np.testing.assert_allclose(whitening.covariance_of(J), np.linalg.inv(J.T @ J), rtol=1e-9)
+
+
+def test_roots_of_covariances() -> None:
+    rng = np.random.default_rng(3)
+    V, X = rng.standard_normal((4, 3)), rng.standard_normal((3, 3))
+    P = X @ X.T
+    root = deviations.root_of_sum(V, P)
+    np.testing.assert_allclose(root @ root.T, np.eye(4) + V @ P @ V.T, rtol=1e-10, atol=1e-12)
+    assert (np.triu(root, 1) == 0).all()
+    units = np.array([1e-9, 1.0, 1e9])
+    F = square_root(P * units * units[:, None])
+    np.testing.assert_allclose(F @ F.T / units / units[:, None], P, rtol=1e-9, atol=1e-9)
+    assert (square_root(np.zeros((2, 2))) == 0).all()
+    L = triangular(V)
+    np.testing.assert_allclose(L @ L.T, V @ V.T, atol=1e-12)
+    wide = triangular(V.T)
+    np.testing.assert_allclose(wide @ wide.T, V.T @ V, atol=1e-12)
+    assert (np.triu(wide, 1) == 0).all()
+    assert (np.diag(wide) >= 0).all()
+
+
+def test_a_covariance_grows_as_its_equation_says() -> None:
+    rng = np.random.default_rng(4)
+    D = rng.standard_normal((2, 2)) - 2 * np.eye(2)
+    K = rng.standard_normal((2, 1))
+    run: Any = SimpleNamespace(D=D, gains=SimpleNamespace(K=K, n=2))
+    times, s, elapsed = np.linspace(3.0, 3.6, 7), np.full((7, 1), 0.5), 0.9
+    Q = 0.25 * 0.1 * K @ K.T
+    steps, P = 20_000, np.array([[2.0, 0.3], [0.3, 1.0]])
+    grown = P
+    for _ in range(steps):  # P' = D P + P D' + K Q K'
+        grown = grown + elapsed / steps * (D @ grown + grown @ D.T + Q)
+    values = covariance.propagated(run, P, elapsed, times, s)
+    np.testing.assert_allclose(values, grown, rtol=1e-3, atol=1e-4)
+    added = covariance.added_by_noise(run, elapsed, times, s)
+    flow = expm(D * elapsed)
+    np.testing.assert_allclose(values - flow @ P @ flow.T, added, atol=1e-12)
+    assert (added == added.T).all()
+    assert np.linalg.eigvalsh(added).min() > 0
+
+
+@pytest.mark.parametrize("rows", [1, 2, 5, 16, 17])
+def test_recursions_by_doubling_are_those_one_by_one(rows: int) -> None:
+    rng = np.random.default_rng(rows)
+    flow, forced, start = (
+        0.8 * rng.standard_normal((2, 2)),
+        rng.standard_normal((rows, 2)),
+        rng.standard_normal(2),
+    )
+    expected, x = [], start
+    for j in range(rows):
+        x = flow @ x + forced[j]
+        expected.append(x)
+    np.testing.assert_allclose(
+        recursions.accumulated(flow, forced, start), expected, rtol=1e-9, atol=1e-9
+    )
+    stacked = rng.standard_normal((rows, 3, 2))
+    sums, last = [], np.zeros((3, 2))
+    for j in range(rows):
+        last = stacked[j] + last @ flow.T
+        sums.append(last)
+    np.testing.assert_allclose(recursions.doubled(flow, stacked.copy()), sums, rtol=1e-9, atol=1e-9)
+
+
+def test_running_integrals_of_lines() -> None:
+    rng, lams = np.random.default_rng(0), np.array([-2.0, -0.3])
+    t = np.array([1.0, 1.2, 1.4, 1.6, 1.9, 2.2])
+    runs = [(0, 3, 0.2), (3, 5, 0.3)]
+    error, start = rng.standard_normal((6, 1)), rng.standard_normal((1, 2))
+
+    def integral(end: float) -> np.ndarray:
+        total = start[0] * np.exp(lams * (end - 1.0))
+        grid = np.linspace(1.0, end, 20_001)
+        middle, h = (grid[1:] + grid[:-1]) / 2, grid[1] - grid[0]
+        values = np.interp(middle, t, error[:, 0])
+        return np.asarray(
+            total + (np.exp(lams * (end - middle)[:, None]) * values[:, None]).sum(axis=0) * h
+        )
+
+    later = recursions.running_integrals(runs, error, lams, start)
+    for j, end in enumerate(t[1:]):
+        np.testing.assert_allclose(later[j, 0], integral(end), rtol=1e-6, atol=1e-8)
+    whole = np.concatenate([start[None], later])
+    times = np.array([1.0, 1.1, 1.2, 1.75, 2.2])
+    between = recursions.integrals_at(t, error, whole, lams, times)
+    for value, end in zip(between, times, strict=True):
+        np.testing.assert_allclose(value[0], integral(end), rtol=1e-6, atol=1e-8)
+    # within a millionth of a cell a time is that of the row
+    near = recursions.integrals_at(t, error, whole, lams, np.array([1.2 + 1e-7, 1.4 - 1e-7]))
+    assert (near == whole[[1, 2]]).all()
+    beside = recursions.integrals_at(t, error, whole, lams, np.array([1.2 + 6e-7, 1.4 - 6e-7]))
+    assert (beside != whole[[1, 2]]).all()
+
+
+def test_the_best_steady_input() -> None:
+    at: Any = SimpleNamespace(x=np.zeros(2))
+    plain = Steady.begin(at)
+    assert plain.cost(False) == 0.0
+    assert Steady(at, np.zeros(2), squares=9.0, products=4.0, slopes=2.0).cost(True) == 1.0
+    assert Steady(at, np.zeros(2), squares=9.0, products=-4.0, slopes=2.0).cost(False) == 1.0
+    assert Steady(at, np.zeros(2), squares=9.0, products=-4.0, slopes=2.0).cost(True) == 9.0
+    assert Steady(at, np.zeros(2), squares=9.0, products=4.0, slopes=0.0).cost(False) == 9.0
+
+
+def test_dwell_times_that_are_certainly_too_short() -> None:
+    assert short_dwell(1.0, 2.0, 1.0) == ""
+    assert short_dwell(1.0, 1.99, 1.0) == "dwell time 0.99 below 1"
+    # three deviations of both, together
+    assert short_dwell(1.0, 1.5, 1.0, 0.1, 0.14) == ""
+    assert short_dwell(1.0, 1.5, 1.0, 0.1, 0.13) == "dwell time 0.5 below 1"
+    assert short_dwell(-math.inf, 1.5, 1.0) == ""
+
+
+def test_an_event_is_judged_by_its_residuals_and_its_dwell_time() -> None:
+    event = Event(t=2.0, weights=np.ones(1), t_std=0.1, weights_std=np.array([0.2]))
+    fine = History(t=0.0).judged(event, 1.0, cost=5.0, freedom=5)
+    assert fine.doubts == ()
+    assert fine.t_std == 0.1
+    wide = History(t=0.0).judged(event, 1.0, cost=500.0, freedom=5)
+    assert wide.t_std > 0.5
+    np.testing.assert_allclose(wide.weights_std, 2 * wide.t_std)
+    assert wide.doubts == ()  # of its own window alone
+    late = History(t=1.5, t_std=0.0).judged(event, 1.0, cost=5.0, freedom=5)
+    assert late.doubts == ("dwell time 0.5 below 1",)
+    unknown = Event(t=2.0, weights=np.ones(1), t_std=None, weights_std=None)
+    assert History(t=1.5).judged(unknown, 1.0, cost=5.0, freedom=5).doubts == late.doubts
+    assert History(t=1.0 + 1e-9).judged(unknown, 1.0, cost=5.0, freedom=5).doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "size"), [([0.0, 0.0], 6.0, 6.0), ([4.0, 0.0], 6.0, 3.0), ([-4.0, 0.0], 6.0, 10.0)]
+)
+def test_a_first_guess_is_as_wide_as_an_impulse_that_explains_the_sample(
+    x: list[float], y: float, size: float
+) -> None:
+    # an impulse leaves (sin, 3 cos) of half a turn in the window, and y = x1
+    def states(ages: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.sin(math.pi * ages / 2), 3 * np.cos(math.pi * ages / 2)])
+
+    engine: Any = SimpleNamespace(
+        gains=SimpleNamespace(C=np.array([[1.0, 0.0]]), window=2.0),
+        model=SimpleNamespace(states=states),
+    )
+    row: Any = SimpleNamespace(y=np.array([y]))
+    guess = SamplesEngine._guess(engine, np.array(x), row)
+    np.testing.assert_allclose(guess, [size, 3 * size], rtol=1e-12)
+    missing: Any = SimpleNamespace(y=None)
+    guess = SamplesEngine._guess(engine, np.array(x), missing)
+    np.testing.assert_allclose(guess, [0.5, 1.5], rtol=1e-12)
+
+
+def test_a_threshold_fires_at_the_first_value_above_it() -> None:
+    rule = Rule(floor=0.0, sigma=0.0, share=0.0, threshold=2.0)
+    times = np.arange(20.0)
+    search, fired = rule.advance(Search(), [1.0, 2.0, 2.5, 9.0], 0, times, 5.0)
+    assert fired
+    assert (search.position, search.top, search.highest, search.armed) == (3, 2, 2.5, True)
+    # rows that were looked at are not looked at again
+    search, fired = rule.advance(Search(position=3), [9.0, 1.0, 3.0], 2, times, 5.0)
+    assert fired
+    assert search.top == 4
+    search, fired = rule.advance(Search(), [1.0, 2.0], 0, times, 5.0)
+    assert not fired
+    assert search.position == 2
+
+
+def test_a_peak_fires_when_it_was_left_behind() -> None:
+    rule = Rule(floor=1.0, sigma=0.1, share=0.1)
+    values = [0.0, 0.5, 2.0, 4.0, 3.9, 3.6, 3.4, 0.0]
+    search, fired = rule.advance(Search(), values, 0, np.arange(20.0), 9.0)
+    assert fired
+    assert (search.top, search.highest, search.position) == (3, 4.0, 7)  # 3.4 < 4 - .4 - .1
+    # what never falls is final when it has left the window
+    search, fired = rule.advance(Search(), [0.0, 2.0, 2.0, 2.0, 2.0, 2.0], 0, np.arange(20.0), 3.0)
+    assert fired
+    assert (search.top, search.position) == (1, 6)
+    # below the floor nothing fires
+    _, fired = rule.advance(Search(), [0.0, 0.9, 0.0, 0.9, 0.0], 0, np.arange(20.0), 9.0)
+    assert not fired

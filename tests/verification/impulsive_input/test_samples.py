@@ -1,0 +1,39 @@
+"""Where an impulse between two samples is told from every other one: by H and the modes of A."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lmi.arithmetic.balls import exact
+from obsdesign.verification.impulsive_input.samples import _uniqueness
+
+CHAIN = np.array([[-1.0, 1.0], [0.0, -3.0]])
+
+
+@pytest.mark.parametrize("size", [1.0, -0.5, 4.0])
+@pytest.mark.parametrize(("direction", "mode"), [([1.0, 0.0], -1.0), ([1.0, -2.0], -3.0)])
+def test_an_eigenvector_shows_no_time(size: float, direction: list[float], mode: float) -> None:
+    H = size * np.array(direction)[:, None]
+    verdict = _uniqueness(exact(CHAIN), exact(H), 0.2)
+    assert verdict.outcome == "refuted"
+    witness = verdict.evidence["witness"]
+    assert witness["eigenvalue"] == mode
+    assert witness["onsets"] == [0.0, 0.1]
+    # the twin: beside it
+    beside = H + np.array([[0.0], [1e-9]])
+    assert _uniqueness(exact(CHAIN), exact(beside), 0.2).outcome == "proved"
+
+
+def test_no_impulse_at_all() -> None:
+    verdict = _uniqueness(exact(CHAIN), exact(np.zeros((2, 1))), 0.2)
+    assert verdict.outcome == "refuted"
+    assert verdict.evidence["witness"]["vector"] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("h", "outcome"), [(0.7, "proved"), (math.pi / 4, "undecided")])
+def test_modes_that_turn_by_half_a_circle_between_samples(h: float, outcome: str) -> None:
+    turn = np.array([[0.0, 4.0], [-4.0, 0.0]])
+    assert _uniqueness(exact(turn), exact([[1.0], [0.0]]), h).outcome == outcome
