@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, raised
+from obsdesign.runtime.base import MODERATE
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.maps import BoxMap
 from obsdesign.runtime.interval.model import Model, exactly, size
 
-# what r and m of a box lack: each is rounded once
-_BOX_ROUNDINGS = 4
-
-
-def path_kernel(step: BoxMap, p: int) -> Kernel:
-    """The box alone, p outputs, no disturbance, no noise: the effect of rounding on a centre."""
-    n, columns = len(step.g), step.X.mid.shape[1]
-    rows = np.vstack([_radius_rows(replace(step, g=np.zeros(n))), _centre_rows(step)])
-    return Kernel(rows, n, p, 0, 0, *_layout(n, columns))
+# relative rounding of radii that agree in exact arithmetic
+_NO_WIDER = 1e-12
 
 
 @dataclass(frozen=True)
@@ -50,56 +44,27 @@ def kernel(
     y_end.mid[:, -1] = -model.y_mid
     if noise is not None:
         y_end.rad[:, -p - 1 : -1] = np.diag(noise)
-    blocks = [_radius_rows(step), _centre_rows(step)]
     before = _Rows.of_map([*cuts.strips, step][0])
     residual = before.times(-model.C, y_end)
     residual = _Rows(residual.X, residual.R, residual.g + model.V)
-    blocks += [residual.upper(), residual.upper(-1.0)]
+    checks = -np.vstack([residual.lower(-1.0), residual.lower()])
     maps = [_Rows.of_map(each) for each in (step, *(m for m in cuts.boxes if m is not step))]
     strips = [_Rows.of_map(each) for each in cuts.strips]
-    ends = _candidates(maps, strips, model.S, exactly(C), model.V, y_end)
+    outer = _candidates(maps, strips, model.S, exactly(C), model.V, y_end)
     inner = [] if model.S is None else _candidates(maps, strips, None, model.C, model.V, y_end)
-    total = _total(np.vstack([*blocks, *ends, *inner]), slice(n, n + columns))
-    rows = np.vstack([*blocks, total, *ends, *inner])
-    return Kernel(rows, n, p, len(ends), len(inner), *_layout(n, columns))
-
-
-def _candidates(
-    maps: list[_Rows], strips: list[_Rows], S: Enclosure | None, C: Enclosure, V: Matrix,
-    y_end: Enclosure,
-) -> list[Matrix]:  # fmt: skip
-    """Bounds of S z from all maps, C acting on S z; those that are not finite only of the first."""
-    maps, strips = ([box if S is None else box.times(S) for box in each] for each in (maps, strips))
-    first, *ends = [_ends(box) for box in maps]
-    for box in strips:
-        ends += _strip_ends(box, C, V, y_end)
-    return [first, *(each for each in ends if np.isfinite(each).all())]
-
-
-def _layout(n: int, columns: int) -> tuple[Matrix, int, Matrix]:
-    """(blank, middle, halves) of a kernel."""
-    blank, half = np.zeros(n + 2 * columns), 0.5 * np.eye(n)
-    blank[n + columns - 1] = 1.0
-    return blank, n + columns, np.block([[-half, -half], [half, -half]])
-
-
-def _centre_rows(step: BoxMap) -> Matrix:
-    """m+ = X v."""
-    X = step.X.mid
-    return np.hstack([np.zeros((len(X), len(X))), X, np.zeros_like(X)])
-
-
-def _total(rows: Matrix, signed: slice) -> Matrix:
-    """A row, (1, width), that gives twice the sum of |row| |v|; signed: what has a sign in v."""
-    weights: Matrix = 2.0 * np.abs(rows).sum(axis=0, keepdims=True)
-    weights[:, signed.stop :] += weights[:, signed]
-    weights[:, signed] = 0.0
-    return weights
+    both = [_ends(maps[0] if model.S is None else maps[0].times(model.S)), _ends(maps[0])]
+    whole = np.vstack(both[: 1 if model.S is None else 2])
+    total = _total(np.vstack([checks, whole, *outer, *inner]))
+    rows = np.vstack([checks, total, *outer, *inner])
+    middle = n + columns
+    blank = np.zeros(2 * middle)
+    blank[middle - 1] = 1.0
+    return Kernel(rows, n, p, len(outer), len(inner), whole, blank, middle)
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Quantities within R r + g of X [m; y0; y1; u; 1]."""
+    """Quantities within R r + g of X [m; y0; y1; u; 1], r and m the radius and centre of a box."""
 
     X: Enclosure
     R: Matrix
@@ -120,48 +85,111 @@ class _Rows:
             raised(weight @ self.g, terms),
         )
 
-    def upper(self, sign: float = 1.0) -> Matrix:
-        """Rows that give at least sign X v + R r + g when they are multiplied in floats."""
-        X = self.X.mid
-        terms = 2 * (self.R.shape[1] + 2 * X.shape[1]) + 8 + _BOX_ROUNDINGS
-        R = raised(self.R, terms)
-        error = raised(self.X.rad + terms * UNIT * np.abs(X), terms)
+    def lower(self, sign: float = 1.0) -> Matrix:
+        """Rows that give at most sign X v - R r - g when they are multiplied in floats.
+
+        X m - R r = (R + X) / 2 lower + (R - X) / 2 (-upper).
+        """
+        n = self.R.shape[1]
+        M, known = sign * self.X.mid[:, :n], sign * self.X.mid[:, n:]
+        signed = np.hstack([0.5 * (self.R + M), 0.5 * (self.R - M), known])
+        of_m, of_known = self.X.rad[:, :n], self.X.rad[:, n:]
+        rad = np.hstack([0.5 * of_m, 0.5 * of_m, of_known])
+        terms = 4 * signed.shape[1] + 8
+        error = raised(rad + terms * UNIT * np.abs(signed), terms)
         error[:, -1] = raised(error[:, -1] + self.g, terms) + TINY
-        return np.hstack([R, sign * X, error])
-
-
-def _radius_rows(step: BoxMap) -> Matrix:
-    """r+ = R r + g, and the error of m+."""
-    rows = _Rows(step.X, step.R, step.g).upper()
-    n, columns = len(step.g), step.X.mid.shape[1]
-    rows[:, n : n + columns] = 0.0
-    return rows
+        return np.hstack([signed, -error])
 
 
 def _ends(rows: _Rows) -> Matrix:
     """[lower; -upper] of all points within R r + g of X v, rounded outward."""
-    return -np.vstack([rows.upper(-1.0), rows.upper()])
+    return np.vstack([rows.lower(), rows.lower(-1.0)])
 
 
-def _strip_ends(states: _Rows, C: Enclosure, V: Matrix, y_end: Enclosure) -> list[Matrix]:
-    """Bounds of x_j from c_j x_j = y - v - sum of the other c_k x_k, elsewhere those of the box.
+def _total(rows: Matrix) -> Matrix:
+    """A row that gives twice the sum of |row| |v|: v ends with its absolute values."""
+    weights: Matrix = 2.0 * np.abs(rows).sum(axis=0)
+    middle = len(weights) // 2
+    weights[middle:] += weights[:middle]
+    weights[:middle] = 0.0
+    return weights
 
-    As few candidates as rows of C with entries in one column take.
+
+def _candidates(
+    maps: list[_Rows], strips: list[_Rows], S: Enclosure | None, C: Enclosure, V: Matrix,
+    y_end: Enclosure,
+) -> list[Matrix]:  # fmt: skip
+    """Bounds of S z, C acting on S z: in as few blocks as the state with most bounds needs.
+
+    Those that are not finite only of the first map; none twice, none that two others imply.
     """
-    n, whole = len(states.g), _ends(states)
-    candidates: list[Matrix] = []
-    taken: list[set[int]] = []
-    for i, j in zip(*np.nonzero(C.mid), strict=True):
-        pair = _strip_pair(states, C, V, y_end, (int(i), int(j)))
-        if pair is None:
-            continue
-        place = next((k for k, entries in enumerate(taken) if j not in entries), len(taken))
-        if place == len(taken):
-            candidates.append(whole.copy())
-            taken.append(set())
-        taken[place].add(int(j))
-        candidates[place][j], candidates[place][n + j] = pair
-    return candidates
+    maps, strips = ([box if S is None else box.times(S) for box in each] for each in (maps, strips))
+    n = len(maps[0].g)
+    of_state: list[list[Matrix]] = [[] for _ in range(n)]
+    for box in maps:
+        ends = _ends(box)
+        for j, pairs in enumerate(of_state):
+            if not (strips and _is_between(box, strips[-1], C, V, j)):
+                pairs.append(ends[[j, n + j]])
+    for box in strips:
+        for i, j in zip(*np.nonzero(C.mid), strict=True):
+            pair = _strip_pair(box, C, V, y_end, (int(i), int(j)))
+            of_state[int(j)] += [] if pair is None else [pair]
+    of_state = [_distinct(pairs) for pairs in of_state]
+    blocks = np.empty((max(map(len, of_state)), 2 * n, y_end.mid.shape[1] * 2 + 2 * n))
+    for j, pairs in enumerate(of_state):
+        for k, block in enumerate(blocks):
+            block[[j, n + j]] = pairs[min(k, len(pairs) - 1)]
+    return list(blocks)
+
+
+def _distinct(pairs: list[Matrix]) -> list[Matrix]:
+    """The first pair of rows, and all others that are finite, each once."""
+    kept = pairs[:1]
+    for pair in pairs[1:]:
+        if np.isfinite(pair).all() and not any(np.array_equal(pair, other) for other in kept):
+            kept.append(pair)
+    return kept
+
+
+def _is_between(box: _Rows, free: _Rows, C: Enclosure, V: Matrix, j: int) -> bool:
+    """Does state j of a box lie between those of `free` and of a strip that is about it alone?
+
+    Its bounds are then (1 - s) times those of `free` plus s times those of the strip, or wider.
+    """
+    n, p = len(box.g), len(V)
+    (used,) = np.nonzero(box.X.mid[j, n + p : n + 2 * p])
+    if len(used) != 1:
+        return False
+    i = int(used[0])
+    c = float(C.mid[i, j])
+    share = c * float(box.X.mid[j, n + p + i])
+    if not 0 < share <= 1 or np.count_nonzero(C.mid[i]) > 1 or C.rad[i].any():
+        return False
+    rest = (1 - share) * (1 - _NO_WIDER)
+    R, g = rest * free.R[j], rest * free.g[j] + share * (1 - _NO_WIDER) * V[i] / abs(c)
+    return bool((box.R[j] >= R).all() and box.g[j] >= g)
+
+
+def is_known_from_strip(start: BoxMap, free: BoxMap, C: Matrix, V: Matrix) -> bool:
+    """Is `free` no wider than `start`, which uses y0, for all boxes in the strip of y0?
+
+    A box that was cut with y0 is one where each output is about one state of its own. Then
+    |y0 - c m| <= V - |c| r, and bounds of `start` are inside those of `free` by at most
+    |K| (V - |c| r) - dR r - dg, K = dm+ / dy0: linear in r, largest at r = 0 or r = V / |c|.
+    """
+    p, n = C.shape
+    outputs, states = np.nonzero(C)
+    if len(outputs) != p or len(set(outputs.tolist())) < p or len(set(states.tolist())) < p:
+        return False
+    c = np.abs(C[outputs, states])
+    if not ((c > 1 / MODERATE) & (c < MODERATE)).all():
+        return False
+    K = np.abs(start.X.mid[:, n : n + p])[:, outputs]
+    dR, dg = start.R - free.R, start.g - free.g
+    lost = np.maximum(K * V[outputs], -dR[:, states] * (V[outputs] / c)).sum(axis=1)
+    others = np.delete(dR + _NO_WIDER * free.R, states, axis=1)
+    return bool((others >= 0).all() and (dg + _NO_WIDER * start.g >= lost).all())
 
 
 def _strip_pair(

@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from math import frexp
+from operator import gt
 from typing import ClassVar
 
 import numpy as np
@@ -37,7 +38,7 @@ from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
-from obsdesign.runtime.interval.kernel import Result, largest
+from obsdesign.runtime.interval.kernel import KernelParts, Result, crossed, largest
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
@@ -138,9 +139,10 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         y = row.y if not sample.jump or self.gains.jump_measurement == "before" else None
         kernels = row.kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
         chosen = kernels[self._mode(state, y)]
-        out = chosen.rows.dot(chosen.vector(state.box, state.y, y, row.u))
+        v = chosen.vector(state.box, state.y, y, row.u)
+        out = chosen.rows.dot(v)
         contradictions = [] if y is None else chosen.implausible(out)
-        result, course = chosen.result(out), None
+        result, course = chosen.result(v, out), None
         if self.clock.period is not None:
             further, course = self._of_course(state, t, None if y is None else row.measured, off)
             if further is not None:
@@ -177,34 +179,19 @@ class IntervalObserver(BoundsObserver[IntervalState]):
             or y.shape != _ONE_OUTPUT
         ):
             return None
-        kernel = self.kernels.usual.get((t - state.t, frexp(t)[1]))
-        if kernel is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
+        h, clock = t - state.t, self.clock
+        kernel = self.kernels.usual.get((h, frexp(t)[1]))
+        if kernel is None or not h > 0.0 <= state.t or not -MODERATE < y.item() < MODERATE:
             return None
-        apart = t - state.phase
-        if not self.clock.earliest <= apart <= self.clock.latest and not self.clock.is_in_time(
-            state, t
-        ):
-            return None
-        rows, blank, halves, box, y_end, known, sizes, checks, first, others, inner = kernel
-        v = blank.copy()
-        v[box] = state.box
-        v[y_end] = y
-        absolute(v[known], v[sizes])
-        out = rows.dot(v)
-        below, above, size = out[checks].tolist()
-        if not (below >= 0.0 and above >= 0.0 and size < MODERATE):
+        if clock.period is None:
+            if state.y is None or not h <= clock.limit:
+                return None
+        elif not (clock.earliest <= t - state.phase <= clock.latest or clock.is_in_time(state, t)):
             return None
         guard = state.guard
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
-        n, ends = self.n, out[first]
-        for block in others:
-            ends = maximum(ends, out[block])
-        carried = halves.dot(largest([out[block] for block in inner]) if inner else ends)
-        if min(carried.tolist()[:n]) < 0.0 or (inner and (ends[:n] > -ends[n:]).any()):
-            return None
-        following = IntervalState(t, carried, state.u, v[y_end], guard, True, t, "", t, True)
-        return following, Estimate(t, None, ends[:n], -ends[n:])
+        return _usual_step(kernel, state, t, y)
 
     def batch(self, state: IntervalState, record: Columns) -> Batch:
         """Estimates of the rows of a record from a state at its first row: those of `step`."""
@@ -235,7 +222,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
     @cached_property
     def _short(self) -> bool:
         """Can `_usual` do most of the steps?"""
-        return self.clock.period is not None and self.gains.p == 1 and not self.reads["u"]
+        return self.gains.p == 1 and not self.reads["u"]
 
     def _mode(self, state: IntervalState, y: Matrix | None) -> str:
         if self.clock.period is not None:
@@ -243,3 +230,33 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         if state.y is not None:
             return "start" if y is None else "both"
         return "none" if y is None else "end"
+
+
+def _usual_step(
+    kernel: KernelParts, state: IntervalState, t: float, y: Matrix
+) -> tuple[IntervalState, Estimate] | None:
+    """The product of a step and what follows; None where there is an objection."""
+    rows, blank, box, y_start, y_end, known, sizes, checks, first, others, inner = kernel
+    v = blank.copy()
+    v[box] = state.box
+    if state.y is not None:
+        v[y_start] = state.y
+    v[y_end] = y
+    absolute(v[known], v[sizes])
+    out = rows.dot(v)
+    below, above, size = out[checks].tolist()
+    if not (below >= 0.0 and above >= 0.0 and size < MODERATE):
+        return None
+    ends = out[first]
+    for block in others:
+        ends = maximum(ends, out[block])
+    n = len(ends) // 2
+    lower, upper = ends[:n], -ends[n:]
+    if any(map(gt, lower.tolist(), upper.tolist())):
+        return None
+    if inner:
+        ends = largest([out[block] for block in inner])
+        if crossed(ends):
+            return None
+    following = IntervalState(t, ends, state.u, v[y_end], state.guard, True, t, "", t, True)
+    return following, Estimate(t, None, lower, upper)

@@ -22,30 +22,28 @@ FEWEST_PLANTS = 8
 class Boxes(NamedTuple):
     """Plants just after their last sample, one per column.
 
-    centre, radius: (n, plants), in the coordinates of the observer; y: (p, plants), the samples,
-    None before the first; u: (m, plants), inputs that hold.
+    ends: (2n, plants), [lower; -upper] in the coordinates of the observer; y: (p, plants), the
+    samples, None before the first; u: (m, plants), inputs that hold.
     """
 
-    centre: Matrix
-    radius: Matrix
+    ends: Matrix
     y: Matrix | None
     u: Matrix
 
     def part(self, members: Indices) -> Boxes:
         """Some of the plants."""
         y = None if self.y is None else self.y[:, members]
-        return Boxes(self.centre[:, members], self.radius[:, members], y, self.u[:, members])
+        return Boxes(self.ends[:, members], y, self.u[:, members])
 
 
 class BoxesStep(NamedTuple):
     """Boxes after a step, and bounds of x (n, plants).
 
-    plausible: (plants,), False where no state inside the bounds can give the sample, or where they
-    overflowed.
+    plausible: (plants,), False where no state inside the bounds can give the sample, where they
+    overflowed, or where they crossed.
     """
 
-    centre: Matrix
-    radius: Matrix
+    ends: Matrix
     lower: Matrix
     upper: Matrix
     plausible: NDArray[np.bool_]
@@ -62,22 +60,20 @@ class Group(NamedTuple):
         k = self.kernel
         n, p, middle = k.n, k.p, k.middle
         v = np.empty((k.width, measured.shape[1]))
-        v[:n], v[n : 2 * n] = boxes.radius, boxes.centre
+        v[: 2 * n] = boxes.ends
         v[2 * n : 2 * n + p] = 0.0 if boxes.y is None else boxes.y
         v[2 * n + p : 2 * n + 2 * p] = measured
         v[2 * n + 2 * p : middle - 1], v[middle - 1] = boxes.u, 1.0
-        np.abs(v[n:middle], out=v[middle:])
+        np.abs(v[:middle], out=v[middle:])
         out = k.rows @ v
-        ends, inner = k.ends(out.T)
-        lower, upper = ends[:, :n].T, -ends[:, n:].T
-        radius, centre = out[:n], out[n : 2 * n]
-        plausible = np.isfinite(out[2 * n + 2 * p])
-        if k.is_cut:  # the products of `Kernel.halves`, entry by entry
-            low, high = inner[:, :n].T, -inner[:, n:].T
-            radius, centre = 0.5 * high - 0.5 * low, 0.5 * low + 0.5 * high
-            plausible &= (lower <= upper).all(axis=0) & (radius >= 0).all(axis=0)
-        plausible &= (out[2 * n : 2 * n + 2 * p] >= 0).all(axis=0)
-        return BoxesStep(centre, radius, lower, upper, plausible)
+        own, inner = k.ends(out)
+        lower, upper = own[:n], -own[n:]
+        plausible = np.isfinite(out[2 * p])
+        plausible &= (out[: 2 * p] >= 0).all(axis=0)
+        plausible &= (lower <= upper).all(axis=0)
+        if inner is not own:
+            plausible &= (inner[:n] <= -inner[n:]).all(axis=0)
+        return BoxesStep(inner, lower, upper, plausible)
 
 
 def groups_of(

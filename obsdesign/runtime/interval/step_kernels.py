@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.enclosure import raised
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import no_jumps, vector
-from obsdesign.runtime.interval.kernel import Kernel, KernelParts, Result
-from obsdesign.runtime.interval.kernel_rows import Cuts, kernel, path_kernel
+from obsdesign.runtime.boxes import BoundsFault
+from obsdesign.runtime.interval.kernel import Kernel, KernelParts, Result, crossed
+from obsdesign.runtime.interval.kernel_rows import Cuts, is_known_from_strip, kernel
 from obsdesign.runtime.interval.maps import (
     BoxMap,
     flow_and_jump_spread,
@@ -24,7 +24,8 @@ from obsdesign.runtime.interval.maps import (
     step_maps,
 )
 from obsdesign.runtime.interval.model import Model, observer_model
-from obsdesign.runtime.interval.state import Course, shared_box
+from obsdesign.runtime.interval.path import PathMap, around_path
+from obsdesign.runtime.interval.state import Course
 from obsdesign.runtime.step_cache import shared_step
 
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps
@@ -44,24 +45,31 @@ class JumpSample(NamedTuple):
 
 
 class KernelsOfStep(dict[str, Kernel]):
-    """Kernels of one step by name, each made by `build` when it is first needed."""
+    """Kernels of one step by name, each made by `build` when it is first needed; and its maps."""
 
-    def __init__(self, build: Callable[[str], Kernel]) -> None:
+    def __init__(self, maps: Mapping[str, BoxMap], build: Callable[[str], Kernel]) -> None:
         super().__init__()
+        self.maps = maps
         self._build = build
+        self._paths: dict[str, PathMap] = {}
 
     def __missing__(self, name: str) -> Kernel:
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
             self[name] = built = self._build(name)
         return built
 
+    def path(self, name: str) -> PathMap:
+        """The map `name` of the path of a `Course`."""
+        if name not in self._paths:
+            self._paths[name] = PathMap.from_map(self.maps[name])
+        return self._paths[name]
+
 
 class StepKernels:
     """Kernels, made when they are first needed.
 
     gains: of a design of kind `interval`. Of a step: "none" without a measurement, "start", "end"
-    and "both" with one there (continuous y), "sampled" (periodic samples), and for the path of a
-    `Course` "path" and "sampled path".
+    and "both" with one there (continuous y), "sampled" (periodic samples).
     """
 
     def __init__(self, gains: IntervalGains) -> None:
@@ -89,9 +97,9 @@ class StepKernels:
                 self.usual.clear()
             kernels = shared_step(self._steps, h, size, self._built)
             self._recent[key] = kernels
-            if self.is_periodic:
-                chosen = kernels["sampled"]
-                if chosen.moderate and chosen.is_cut:
+            if h > 0.0:
+                chosen = kernels["sampled" if self.is_periodic else "both"]
+                if chosen.moderate:
                     self.usual[key] = chosen.in_parts()
         return kernels
 
@@ -138,54 +146,59 @@ class StepKernels:
         known = np.concatenate([w, jump.parts]) if jump.parts.size else w
         y = jump.y if gains.jump_measurement != "none" else None
         k = self.jumps[y is not None]
-        after = k.result(k.rows.dot(k.vector(before.box, None, y, known)))
+        after = k.after(before.box, None, y, known)
         if course is not None:
             after = self.shared(after, self.declared._after_course(course, w), jump.u)
         if y is None or gains.jump_measurement != "after" or not self.is_periodic:
             return [after]
         k = self.still["sampled"]
-        return [after, k.result(k.rows.dot(k.vector(after.box, None, y, jump.u)))]
+        return [after, k.after(after.box, None, y, jump.u)]
 
     def _after_course(self, course: Course, known: Matrix) -> Matrix:
         """The box after a jump that ends a course."""
-        path = self._jump_path.rows.dot(self._jump_path.vector(course.path, None, None, known))
-        n, t = len(course.radius), course.now
+        t = course.now
         size = max(abs(t), abs(course.since))
         spread = partial(flow_and_jump_spread, self.model, self.gains)
         R, g = shared_step(self._jump_spreads, t - course.since, size, spread)
-        reach = raised(R @ course.radius + g, 2 * n)
-        return np.concatenate([raised(reach + path[:n], 1), path[n:]])
+        return around_path(self._jump_path.after(course.path, None, known), R, g, course.radius)
 
     @cached_property
-    def _jump_path(self) -> Kernel:
-        return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
+    def _jump_path(self) -> PathMap:
+        return PathMap.from_map(jump_maps(self.model, self.gains)[False])
 
     def shared(self, used: Result, box: Matrix, u: Matrix) -> Result:
         """The intersection of a result with a further box; the bounds are cut with those of it."""
         k = self.still["none"]
-        box = shared_box(box, used.box, k.n)
-        whole = k.result(k.rows.dot(k.vector(box, None, None, np.zeros_like(u))))
-        lower, upper = np.maximum(used.lower, whole.lower), np.minimum(used.upper, whole.upper)
-        if not (lower <= upper).all():
-            lower, upper = whole.lower, whole.upper
-        return Result(box, lower, upper, max(used.size, whole.size), used.fault or whole.fault)
+        both = np.maximum(used.box, box)
+        whole = k.after(both, None, None, np.zeros_like(u))
+        ends = np.maximum(
+            np.concatenate([used.lower, -used.upper]), np.concatenate([whole.lower, -whole.upper])
+        )
+        if crossed(both) or crossed(ends):
+            return used._replace(fault=used.fault or BoundsFault.CROSSED)
+        size = max(used.size, whole.size)
+        return Result(both, ends[: k.n], -ends[k.n :], size, used.fault or whole.fault)
 
     def _built(self, h: float, h_error: float) -> KernelsOfStep:
         with np.errstate(over="ignore", invalid="ignore"):
             maps = step_maps(self.model, h, h_error, is_periodic=self.is_periodic)
-        return KernelsOfStep(lambda name: self._kernel(name, maps))
+        return KernelsOfStep(maps, lambda name: self._kernel(name, maps))
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
         """The kernel `name` of a step with these maps."""
-        if name.endswith("path"):
-            return path_kernel(maps["none" if name == "path" else "sampled"], self.gains.p)
         free = maps["none"]
+        if name in ("both", "start") and self._is_known_from_strip(maps["start"], free):
+            name = "end" if name == "both" else "none"
         if name in ("none", "start"):
             return self._with_cuts(self.model, maps[name], Cuts([free]))
         started = [maps["start"]] if name == "both" else []
         ended = [maps["end"]] if name == "both" else []
         chosen = started[0] if started else maps.get(name, free)  # "end" of no step is its start
         return self._with_cuts(self.model, chosen, Cuts([*ended, free], [*started, free]))
+
+    def _is_known_from_strip(self, start: BoxMap, free: BoxMap) -> bool:
+        model = self.model
+        return model.S is None and is_known_from_strip(start, free, self.gains.C, model.V)
 
     def _with_cuts(self, model: Model, step: BoxMap, cuts: Cuts) -> Kernel:
         return kernel(model, step, self.gains.C, cuts)

@@ -17,7 +17,7 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
-from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.kernel import Kernel, largest
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.step_cache import shared_length
@@ -30,7 +30,7 @@ _FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
 @dataclass(frozen=True)
 class Stretch:
-    """Rows of one kernel: bounds (rows, n) of x, and [r; m] after the last one (2n,)."""
+    """Rows of one kernel: bounds (rows, n) of x, and the box after the last one (2n,)."""
 
     lower: Matrix
     upper: Matrix
@@ -43,32 +43,39 @@ def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> S
     y0, y1: (rows, p) measurements at the start and the end of each step; u: (rows, m) inputs that
     hold over it.
     """
-    n, p, count = kernel.n, kernel.p, len(y1)
-    n2, n2p = 2 * n, 2 * n + p
-    v = np.tile(kernel.blank, (count, 1))
-    v[:, n2:n2p], v[:, n2p : n2p + p], v[:, n2p + p : kernel.middle - 1] = y0, y1, u
-    np.abs(v[:, n : kernel.middle], out=v[:, kernel.middle :])
-    out, boxes = np.empty((count, len(kernel.rows))), np.empty((count + 1, n2))
-    boxes[0], sizes = box, slice(kernel.middle, kernel.middle + n)
-    (first, *others), inner = kernel.blocks
-    if inner:
-        first, *others = inner
+    n2, p, count, middle = 2 * kernel.n, kernel.p, len(y1), kernel.middle
+    v = np.tile(kernel.blank, (count + 1, 1))
+    v[:-1, n2 : n2 + p], v[:-1, n2 + p : n2 + 2 * p], v[:-1, n2 + 2 * p : middle - 1] = y0, y1, u
+    v[0, :n2] = box
+    np.abs(v[:, :middle], out=v[:, middle:])
+    out = np.empty((count, len(kernel.rows)))
+    outer, inner = kernel.blocks
     with np.errstate(over="ignore", invalid="ignore"):
-        for given, before, after, result in zip(v, boxes[:-1], boxes[1:], out, strict=True):
-            given[:n2] = before
-            np.abs(before[n:], given[sizes])
-            np.dot(kernel.rows, given, result)
-            ends = result[first]
-            for block in others:
-                ends = np.maximum(ends, result[block])
-            after[:] = kernel.halves.dot(ends) if others else result[:n2]
-        bounds, _ = kernel.ends(out)
-        lower, upper = bounds[:, :n], -bounds[:, n:]
+        _recur(kernel.rows, v, out, inner or outer)
+        ends = v[1:, :n2] if not inner else largest([out[:, block] for block in outer])
+        lower, upper = ends[:, : kernel.n].copy(), -ends[:, kernel.n :]
         # a number that is not finite makes a comparison fail
-        fine = (out[:, n2 : n2 + 2 * p].min(axis=1) >= 0) & (out[:, n2 + 2 * p] < math.inf)
-        fine &= (lower <= upper).all(axis=1) & (boxes[1:, :n] >= 0).all(axis=1)
+        fine = (out[:, : 2 * p].min(axis=1) >= 0) & (out[:, 2 * p] < math.inf)
+        fine &= (lower <= upper).all(axis=1)
+        if inner:
+            fine &= (v[1:, : kernel.n] <= -v[1:, kernel.n : n2]).all(axis=1)
     kept = count if fine.all() else int(np.argmin(fine))
-    return Stretch(lower[:kept], upper[:kept], boxes[kept])
+    return Stretch(lower[:kept], upper[:kept], v[kept, :n2].copy())
+
+
+def _recur(rows: Matrix, v: Matrix, out: Matrix, blocks: list[slice]) -> None:
+    """out_k = rows v_k; the box in v_{k+1} is the largest of the blocks of out_k."""
+    n2, middle = blocks[0].stop - blocks[0].start, v.shape[1] // 2
+    boxes, sizes = v[1:, :n2], v[1:, middle : middle + n2]
+    first, second, *others = (out[:, block] for block in (blocks[0], *blocks[-1:], *blocks[1:-1]))
+    product, maximum, absolute = rows.dot, np.maximum, np.absolute
+    steps = zip(v, out, first, second, boxes, sizes, *others, strict=False)
+    for given, result, one, other, box, size, *more in steps:
+        product(given, result)
+        maximum(one, other, out=box)
+        for block in more:
+            maximum(box, block, out=box)
+        absolute(box, size)
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ class VaryingKernels(StepKernels):
             unused = [None] * len(of_v)
             ends = [*of_v, *unused] if name == "start" else [*unused, *of_v]
             widened[name] = _with_parts(step, [*of_b, *ends])
-        return KernelsOfStep(lambda name: self._kernel(name, widened))
+        return KernelsOfStep(widened, lambda name: self._kernel(name, widened))
 
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
@@ -175,6 +175,9 @@ class VaryingKernels(StepKernels):
             for corrected, step in maps.items()
         }
         return self._of_jump(self.model, widened)
+
+    def _is_known_from_strip(self, start: BoxMap, free: BoxMap) -> bool:
+        return False
 
     def _with_cuts(self, model: Model, step: BoxMap, cuts: Cuts) -> Kernel:
         return kernel(model, step, self.gains.C, cuts, noise=self.gains.noise_bound)

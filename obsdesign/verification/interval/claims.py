@@ -86,7 +86,7 @@ def claims(
     if agreement.verdict != "proved":
         return (agreement,)
     if not (gains.L.any() or gains.M.any()):
-        agreement = replace(agreement, evidence={**agreement.evidence, "gains": "zero"})
+        agreement = replace(agreement, evidence={**agreement.evidence, "zero_gains": True})
     source = f"{PAPER}, {THEOREMS[gains.form]}"
     constraints = constraint_claims(problem, gains, {"L": gains.L, "M": gains.M})
     obstruction = obstruction_claim(problem, gains, source)

@@ -52,14 +52,14 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
     """A sentence on gains that are all zero."""
-    if not any(claim.evidence.get("gains") == "zero" for claim in claims):
+    if not any(claim.evidence.get("zero_gains") for claim in claims):
         return ()
     if "L" in problem.gains:
         other = "without gains.L and gains.M the narrowest bounds are searched for"
     elif objective_of(problem) == "narrowest":
         other = (
-            "no gains with narrower bounds were found, and objective 'feasible' gives only bounds "
-            "that stay bounded"
+            "objective 'narrowest' keeps them only where it finds none with a smaller proved "
+            "width, 'feasible' takes the first bounds that stay bounded"
         )
     else:
         other = "objective 'narrowest' chooses gains for the smallest width"
