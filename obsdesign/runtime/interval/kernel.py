@@ -18,6 +18,7 @@ the error of the enclosed maps, and its own rounding.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -89,6 +90,7 @@ class Kernel:
         return KernelParts(
             self.rows, self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
             slice(middle), slice(middle, None), self.checks, first, tuple(others), tuple(inner),
+            bool(self.rows[:, n2 : n2 + p].any()),
         )  # fmt: skip
 
     def vector(self, box: Matrix, y0: Matrix | None, y1: Matrix | None, u: Matrix) -> Matrix:
@@ -111,9 +113,10 @@ class Kernel:
         return self.result(v, self.rows.dot(v))
 
     def ends(self, out: Matrix) -> tuple[Matrix, Matrix]:
-        """[lower; -upper] of x and of z from a result, or from results in columns: (2n, ...)."""
-        own, inner = (largest([out[block] for block in blocks]) for blocks in self.blocks)
-        return own, inner if self.inner else own
+        """[lower; -upper] of x and of z from a result, (2n,) each."""
+        outer, inner = self.blocks
+        own = largest([out[block] for block in outer])
+        return own, largest([out[block] for block in inner]) if inner else own
 
     def result(self, v: Matrix, out: Matrix) -> Result:
         """Box and bounds from v and its product. Overflow leaves the only sound bounds.
@@ -145,7 +148,7 @@ class KernelParts(NamedTuple):
 
     box, y_start, y_end, known, sizes: of v, the last two all that also enters by absolute value
     and these values; checks, first, others, inner: of a result, the last three the candidates for
-    the bounds of x, and those of z.
+    the bounds of x, and those of z; uses_y_start: is y_start of any effect?
     """
 
     rows: Matrix
@@ -159,6 +162,7 @@ class KernelParts(NamedTuple):
     first: slice
     others: tuple[slice, ...]
     inner: tuple[slice, ...]
+    uses_y_start: bool
 
 
 def crossed(ends: Matrix) -> bool:
@@ -167,11 +171,9 @@ def crossed(ends: Matrix) -> bool:
     return bool((ends[:n] > -ends[n:]).any())
 
 
-def largest(blocks: list[Matrix]) -> Matrix:
-    """The largest entries of blocks of one shape; nothing where there are none."""
-    if len(blocks) < 2:
-        return blocks[0] if blocks else np.zeros(0)
-    ends = np.maximum(blocks[0], blocks[1])
-    for block in blocks[2:]:
+def largest(blocks: Sequence[Matrix], out: Matrix | None = None) -> Matrix:
+    """The largest entries of blocks of one shape, in `out` if it is there."""
+    ends: Matrix = np.maximum(blocks[0], blocks[-1], out=out)
+    for block in blocks[1:-1]:
         np.maximum(ends, block, out=ends)
     return ends

@@ -97,6 +97,7 @@ class _Rows:
         rad = np.hstack([0.5 * of_m, 0.5 * of_m, of_known])
         terms = 4 * signed.shape[1] + 8
         error = raised(rad + terms * UNIT * np.abs(signed), terms)
+        error[(signed == 0.0) & (rad == 0.0)] = 0.0  # nothing to round
         error[:, -1] = raised(error[:, -1] + self.g, terms) + TINY
         return np.hstack([signed, -error])
 

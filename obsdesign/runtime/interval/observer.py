@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from math import frexp
-from operator import gt
+from operator import gt, neg
 from typing import ClassVar
 
 import numpy as np
@@ -38,7 +38,7 @@ from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
-from obsdesign.runtime.interval.kernel import KernelParts, Result, crossed, largest
+from obsdesign.runtime.interval.kernel import KernelParts, Result, largest
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
@@ -81,7 +81,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        if self._short and state.moderate and (usual := self._usual(state, sample)) is not None:
+        if self._short and state.is_usual and (usual := self._usual(state, sample)) is not None:
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self.gains.p)
@@ -113,7 +113,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
             (state.sampled if y is None else t),
             (state.phase if y is None or off else t),
         )
-        moderate = last.size < MODERATE and row.held is None
+        is_usual = last.size < MODERATE and row.held is None and course is None and not refutation
         following = IntervalState(
             t,
             last.box,
@@ -124,7 +124,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
             sampled,
             refutation,
             phase,
-            moderate,
+            is_usual,
             course,
             row.held,
         )
@@ -171,20 +171,14 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         One output and no inputs: written out, since most of its time is spent calling.
         """
         t, y, _, _, jump, bounds = sample
-        if (
-            jump
-            or bounds is not None
-            or not state.is_ordinary
-            or type(y) is not ndarray
-            or y.shape != _ONE_OUTPUT
-        ):
+        if jump or bounds is not None or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
             return None
         h, clock = t - state.t, self.clock
         kernel = self.kernels.usual.get((h, frexp(t)[1]))
         if kernel is None or not h > 0.0 <= state.t or not -MODERATE < y.item() < MODERATE:
             return None
         if clock.period is None:
-            if state.y is None or not h <= clock.limit:
+            if state.y is None or not h <= clock.longest:
                 return None
         elif not (clock.earliest <= t - state.phase <= clock.latest or clock.is_in_time(state, t)):
             return None
@@ -236,10 +230,10 @@ def _usual_step(
     kernel: KernelParts, state: IntervalState, t: float, y: Matrix
 ) -> tuple[IntervalState, Estimate] | None:
     """The product of a step and what follows; None where there is an objection."""
-    rows, blank, box, y_start, y_end, known, sizes, checks, first, others, inner = kernel
+    rows, blank, box, y_start, y_end, known, sizes, checks, first, others, inner, uses_y = kernel
     v = blank.copy()
     v[box] = state.box
-    if state.y is not None:
+    if uses_y:
         v[y_start] = state.y
     v[y_end] = y
     absolute(v[known], v[sizes])
@@ -256,7 +250,7 @@ def _usual_step(
         return None
     if inner:
         ends = largest([out[block] for block in inner])
-        if crossed(ends):
+        if any(map(gt, ends[:n].tolist(), map(neg, ends[n:].tolist()))):
             return None
     following = IntervalState(t, ends, state.u, v[y_end], state.guard, True, t, "", t, True)
     return following, Estimate(t, None, lower, upper)

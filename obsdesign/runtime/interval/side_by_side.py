@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Indices, Matrix
-from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.kernel import Kernel, largest
 from obsdesign.runtime.interval.step_kernels import StepKernels
 
 # plants from which on a step side by side is faster
 FEWEST_PLANTS = 8
+# plants of one product: few enough for their numbers to stay in the cache
+_TOGETHER = 2048
 
 
 class Boxes(NamedTuple):
@@ -57,23 +59,38 @@ class Group(NamedTuple):
 
     def advanced(self, boxes: Boxes, measured: Matrix) -> BoxesStep:
         """The step of these boxes with the samples `measured` (p, plants) at its end."""
-        k = self.kernel
-        n, p, middle = k.n, k.p, k.middle
-        v = np.empty((k.width, measured.shape[1]))
-        v[: 2 * n] = boxes.ends
-        v[2 * n : 2 * n + p] = 0.0 if boxes.y is None else boxes.y
-        v[2 * n + p : 2 * n + 2 * p] = measured
-        v[2 * n + 2 * p : middle - 1], v[middle - 1] = boxes.u, 1.0
-        np.abs(v[:middle], out=v[middle:])
-        out = k.rows @ v
-        own, inner = k.ends(out)
+        k, plants = self.kernel, measured.shape[1]
+        n, p = k.n, k.p
+        ends, own = np.empty((2, 2 * n, plants))
+        plausible = np.empty(plants, bool)
+        v = np.empty((k.width, min(plants, _TOGETHER)))
+        out = np.empty((len(k.rows), v.shape[1]))
+        outer, inner = k.blocks
+        for first in range(0, plants, _TOGETHER):
+            some = slice(first, min(first + _TOGETHER, plants))
+            part, result = v[:, : some.stop - first], out[:, : some.stop - first]
+            self._fill(part, boxes, measured, some)
+            np.matmul(k.rows, part, out=result)
+            largest([result[block] for block in inner or outer], ends[:, some])
+            if inner:
+                largest([result[block] for block in outer], own[:, some])
+            plausible[some] = (result[: 2 * p] >= 0).all(axis=0) & np.isfinite(result[2 * p])
+        if not inner:
+            own = ends
         lower, upper = own[:n], -own[n:]
-        plausible = np.isfinite(out[2 * p])
-        plausible &= (out[: 2 * p] >= 0).all(axis=0)
         plausible &= (lower <= upper).all(axis=0)
-        if inner is not own:
-            plausible &= (inner[:n] <= -inner[n:]).all(axis=0)
-        return BoxesStep(inner, lower, upper, plausible)
+        if inner:
+            plausible &= (ends[:n] <= -ends[n:]).all(axis=0)
+        return BoxesStep(ends, lower, upper, plausible)
+
+    def _fill(self, v: Matrix, boxes: Boxes, measured: Matrix, some: slice) -> None:
+        """v of some of the plants."""
+        n2, p, middle = 2 * self.kernel.n, self.kernel.p, self.kernel.middle
+        v[:n2] = boxes.ends[:, some]
+        v[n2 : n2 + p] = 0.0 if boxes.y is None else boxes.y[:, some]
+        v[n2 + p : n2 + 2 * p] = measured[:, some]
+        v[n2 + 2 * p : middle - 1], v[middle - 1] = boxes.u[:, some], 1.0
+        np.abs(v[:middle], out=v[middle:])
 
 
 def groups_of(

@@ -44,10 +44,10 @@ class IntervalState(NamedTuple):
     box: (2n,), [lower; -upper] in the observer's coordinates; u: input that holds; y: measurement
     that the next step may start from; sampled: time of the last one used; refutation: since when,
     and why, the bounds are void, "" while they hold; phase: time of the last sample that was a
-    period after another one, or began anew (periodic samples only), NaN before the first; moderate:
-    all numbers of the last step were below `MODERATE`; course: None where the box is just after a
-    sample on the period or a jump (periodic samples only); bounds: those that hold up to the next
-    row, None as declared.
+    period after another one, or began anew (periodic samples only), NaN before the first; is_usual:
+    is it ordinary, and were all numbers of the last step below `MODERATE`? course: None where the
+    box is just after a sample on the period or a jump (periodic samples only); bounds: those that
+    hold up to the next row, None as declared.
     """
 
     t: float
@@ -59,7 +59,7 @@ class IntervalState(NamedTuple):
     sampled: float
     refutation: str = ""
     phase: float = math.nan
-    moderate: bool = False
+    is_usual: bool = False
     course: Course | None = None
     bounds: HeldBounds | None = None
 

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from obsdesign.runtime.base import Estimate, Sample
@@ -26,6 +27,8 @@ Step = Callable[[IntervalState, Sample], tuple[IntervalState, Estimate]]
 
 # rows of a stretch that are done together
 _FEWEST_ROWS, _MOST_ROWS = 16, 4096
+# of these in one loop
+_TOGETHER = 256
 
 
 @dataclass(frozen=True)
@@ -43,39 +46,65 @@ def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> S
     y0, y1: (rows, p) measurements at the start and the end of each step; u: (rows, m) inputs that
     hold over it.
     """
-    n2, p, count, middle = 2 * kernel.n, kernel.p, len(y1), kernel.middle
-    v = np.tile(kernel.blank, (count + 1, 1))
-    v[:-1, n2 : n2 + p], v[:-1, n2 + p : n2 + 2 * p], v[:-1, n2 + 2 * p : middle - 1] = y0, y1, u
-    v[0, :n2] = box
-    np.abs(v[:, :middle], out=v[:, middle:])
-    out = np.empty((count, len(kernel.rows)))
-    outer, inner = kernel.blocks
+    n, count = kernel.n, len(y1)
+    together = _Together(kernel, min(count, _TOGETHER))
+    lower, upper = np.empty((2, count, n))
     with np.errstate(over="ignore", invalid="ignore"):
-        _recur(kernel.rows, v, out, inner or outer)
-        ends = v[1:, :n2] if not inner else largest([out[:, block] for block in outer])
-        lower, upper = ends[:, : kernel.n].copy(), -ends[:, kernel.n :]
+        for first in range(0, count, _TOGETHER):
+            some = slice(first, min(first + _TOGETHER, count))
+            own, boxes, fine = together.rows(box, y0[some], y1[some], u[some])
+            lower[some], upper[some] = own[:, :n], -own[:, n:]
+            fine &= (lower[some] <= upper[some]).all(axis=1)
+            if not fine.all():
+                kept = int(np.argmin(fine))
+                box = boxes[kept - 1].copy() if kept else box
+                return Stretch(lower[: first + kept], upper[: first + kept], box)
+            box = boxes[-1].copy()
+    return Stretch(lower, upper, box)
+
+
+class _Together:
+    """Room for rows that one kernel does in a loop: what it multiplies, the products, views."""
+
+    def __init__(self, kernel: Kernel, count: int) -> None:
+        n2, middle = 2 * kernel.n, kernel.middle
+        self._kernel = kernel
+        self._v = np.tile(kernel.blank, (count + 1, 1))
+        self._out = np.empty((count, len(kernel.rows)))
+        outer, inner = kernel.blocks
+        one, *others = (self._out[:, block] for block in inner or outer)
+        other, *more = others[::-1] or [one]
+        boxes, sizes = self._v[1:, :n2], self._v[1:, middle : middle + n2]
+        further = list(zip(*more, strict=True)) or [()] * count
+        views = zip(self._v, self._out, one, other, boxes, sizes, further, strict=False)
+        self._views = list(views)
+
+    def rows(
+        self, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix
+    ) -> tuple[Matrix, Matrix, NDArray[np.bool_]]:
+        """[lower; -upper] of x, those that are carried on, and whether no number objects."""
+        kernel, count = self._kernel, len(y1)
+        n, p, middle = kernel.n, kernel.p, kernel.middle
+        v, out = self._v[: count + 1], self._out[:count]
+        v[0, : 2 * n] = box
+        for values, start in ((y0, 2 * n), (y1, 2 * n + p), (u, 2 * n + 2 * p)):
+            v[:-1, start : start + values.shape[1]] = values
+        np.abs(v[:, :middle], out=v[:, middle:])
+        product, maximum, absolute = kernel.rows.dot, np.maximum, np.absolute
+        for given, result, one, other, ends, sizes, more in self._views[:count]:
+            product(given, result)
+            maximum(one, other, out=ends)
+            for block in more:
+                maximum(ends, block, out=ends)
+            absolute(ends, sizes)
         # a number that is not finite makes a comparison fail
-        fine = (out[:, : 2 * p].min(axis=1) >= 0) & (out[:, 2 * p] < math.inf)
-        fine &= (lower <= upper).all(axis=1)
-        if inner:
-            fine &= (v[1:, : kernel.n] <= -v[1:, kernel.n : n2]).all(axis=1)
-    kept = count if fine.all() else int(np.argmin(fine))
-    return Stretch(lower[:kept], upper[:kept], v[kept, :n2].copy())
-
-
-def _recur(rows: Matrix, v: Matrix, out: Matrix, blocks: list[slice]) -> None:
-    """out_k = rows v_k; the box in v_{k+1} is the largest of the blocks of out_k."""
-    n2, middle = blocks[0].stop - blocks[0].start, v.shape[1] // 2
-    boxes, sizes = v[1:, :n2], v[1:, middle : middle + n2]
-    first, second, *others = (out[:, block] for block in (blocks[0], *blocks[-1:], *blocks[1:-1]))
-    product, maximum, absolute = rows.dot, np.maximum, np.absolute
-    steps = zip(v, out, first, second, boxes, sizes, *others, strict=False)
-    for given, result, one, other, box, size, *more in steps:
-        product(given, result)
-        maximum(one, other, out=box)
-        for block in more:
-            maximum(box, block, out=box)
-        absolute(box, size)
+        fine = (out[:, : 2 * p] >= 0).all(axis=1) & (out[:, 2 * p] < math.inf)
+        boxes = v[1:, : 2 * n]
+        outer, inner = kernel.blocks
+        if not inner:
+            return boxes, boxes, fine
+        fine &= (boxes[:, :n] <= -boxes[:, n:]).all(axis=1)
+        return largest([out[:, block] for block in outer]), boxes, fine
 
 
 @dataclass(frozen=True)
@@ -165,7 +194,7 @@ class Stretches:
     def _held(self, u: Matrix, first: int, end: int) -> Matrix:
         """Inputs before rows first .. end - 1, and after the last: (end - first + 1, m)."""
         if self.record.u is None or not u.size:
-            return np.tile(u, (end - first + 1, 1))
+            return np.broadcast_to(u, (end - first + 1, len(u)))
         return np.vstack([u, self.record.u[first:end]])
 
     def _end_of_equal_steps(self, state: IntervalState, span: range) -> int:

@@ -168,7 +168,7 @@ def test_a_record_at_once_agrees_with_the_stream(seed: int) -> None:
         observer = random_observer(plant, rng)
     x = rng.standard_normal(plant.n)
     record = simulate(
-        plant, until=12.0, step=0.05, initial=x, disturbance="random", dwell=6.0, rng=rng
+        plant, until=40.0, step=0.05, initial=x, disturbance="random", dwell=19.0, rng=rng
     )
     y = record.block("y").copy()
     y[100:103] = np.nan

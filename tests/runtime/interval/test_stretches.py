@@ -6,25 +6,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 
-from obsdesign.runtime.interval import stretches
 from obsdesign.runtime.interval.stretches import Stretches
-
-
-@pytest.mark.parametrize("blocks", [1, 2, 3, 4])
-def test_the_box_of_a_row_is_the_largest_candidate_of_the_one_before(blocks: int) -> None:
-    rng = np.random.default_rng(blocks)
-    n2, width, count = 4, 14, 9
-    rows = 0.1 * rng.standard_normal((1 + blocks * n2, width))
-    v, out = rng.standard_normal((count + 1, width)), np.empty((count, len(rows)))
-    v[:, width // 2 :] = np.abs(v[:, : width // 2])
-    slices = [slice(1 + k * n2, 1 + (k + 1) * n2) for k in range(blocks)]
-    stretches._recur(rows, v, out, slices)
-    for given, result, after in zip(v, out, v[1:], strict=False):
-        np.testing.assert_array_equal(result, rows @ given)
-        np.testing.assert_array_equal(after[:n2], result[1:].reshape(blocks, n2).max(axis=0))
-        np.testing.assert_array_equal(after[width // 2 :], np.abs(after[: width // 2]))
 
 
 def equal_until(times: list[float], last_jump: float | None = None, regular: int = 99) -> int:
