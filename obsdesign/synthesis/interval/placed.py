@@ -15,9 +15,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.linear_program import minimise
+from lmi.solvers import Solvers
 from obsdesign.analysis.interval.requirements import large_gain
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.synthesis.interval.coordinates import CoordinateChoice, eigenbasis
@@ -48,13 +49,13 @@ def placed_choice(search: GainSearch) -> CoordinateChoice | None:
         if L is None or S is None:
             continue
         task = search.task(False, S)
-        gain = np.linalg.solve(S, L)
+        gain: Matrix = np.asarray(np.linalg.solve(S, L), dtype=np.float64)
         M = _jump_gain(task, gain)
         if M is None or large_gain(*task.gains(gain, M), limit):
             continue
         value = mean_width(task, gain, M)
         if value < (math.inf if best is None else best.value):
-            solvers = ("SciPy", "HiGHS") if task.open_M else ("SciPy",)
+            solvers: Solvers = ("SciPy", "HiGHS") if task.open_M else ("SciPy",)
             best = CoordinateChoice(value, S, *task.gains(gain, M), solvers=solvers)
     return best
 
@@ -106,7 +107,7 @@ def _jump_gain(task: Task, L: Matrix) -> Matrix | None:
         return None
     zeta, T = np.arange(n), n + n * p + np.arange(n * n).reshape(n, n)
     Z = n + np.arange(n * p).reshape(n, p)
-    entries: list[tuple[Matrix, Matrix, Matrix]] = []
+    entries: list[tuple[Indices, Indices, Matrix]] = []
     i, j = (index.ravel() for index in np.indices((n, n)))
     for sign, first in ((1.0, 0), (-1.0, n * n)):
         row = first + np.arange(n * n)
