@@ -214,7 +214,12 @@ def _best(tried: list[_Tried]) -> _Tried:
 
 def _result(problem: Problem, label: str, tried: list[_Tried]) -> NewEntries:
     """The form of the design, and what became of each."""
-    forms = {one.candidate.label: _summary(one.verdict, one.claims) for one in tried}
+    proved = {one.candidate.label for one in tried if one.verdict == "proved"}
+    forms = {
+        one.candidate.label: _summary(one.verdict, one.claims)
+        for one in tried
+        if one.verdict == "proved" or one.candidate.label not in proved
+    }
     skipped = untried_forms(problem)
     forms |= {name: asdict(FormAnswer("undecided", [why])) for name, why in skipped.items()}
     return {"form": label, "forms": forms}

@@ -83,6 +83,7 @@ GUARANTEES: dict[str, Conclusions] = {
     "unknown_input": unknown_input_guarantees,
 }
 WARNS: dict[str, Warns] = {
+    "interval": interval_guarantees,
     "set_membership": set_membership_guarantees,
     "finite_time": finite_time_guarantees,
     "unknown_input": unknown_input_guarantees,

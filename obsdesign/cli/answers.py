@@ -142,6 +142,8 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")
     if rows := outcome.result.get("states"):
         console.print(_state_table(rows))
+    for warning in outcome.warnings if outcome.verdict != "refuted" else ():
+        console.print(f"[yellow]warning[/]: {escape(warning)}")
     table = Table(box=None, pad_edge=False, header_style="dim")
     for title in ("verdict", "claim", "what, and why"):
         table.add_column(title, overflow="fold")
@@ -166,8 +168,6 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
         word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
         console.print(f"{word}: {escape(guarantee.statement)}")
-    for warning in outcome.warnings if outcome.verdict != "refuted" else ():
-        console.print(f"[yellow]warning[/]: {escape(warning)}")
 
 
 def _state_table(rows: Sequence[Entries]) -> Table:

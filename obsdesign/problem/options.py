@@ -46,10 +46,9 @@ class IntervalOptions(ConstrainedGains):
         "How positivity is reached; default auto: all in this order.",
         default="auto",
     )
-    objective: str = option(
+    objective: str | None = option(
         one_of("feasible", "shortest_dwell", "narrowest"),
-        "What missing gains are chosen for; default feasible.",
-        default="feasible",
+        "What missing gains are chosen for; default narrowest.",
     )
     gain_limit: float | None = option(POSITIVE, "Largest absolute entry of L and M.")
     width: str = option(

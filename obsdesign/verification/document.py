@@ -16,6 +16,7 @@ from obsdesign.verification.same_evidence import (
     OLDER_WORDING,
     ROUNDED_WIDTHS,
     Difference,
+    as_marked,
     current_source,
     difference,
     is_older_wording,
@@ -61,7 +62,8 @@ def document_claim(
     a statement in the words of an earlier release and bounds that another course of the proof
     gave, with the sentences that rest on them. A claim that the document leaves undecided says
     nothing that could be false, whatever is decided now; a sentence that it does not give and
-    that is proved is a warning. `ADDED_CLAIMS` may be missing.
+    that is proved is a warning. `ADDED_CLAIMS` may be missing, and warnings that rest on a mark
+    that the evidence in the document lacks (`as_marked`): they are among the sentences.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -71,7 +73,8 @@ def document_claim(
         stored[claim.id] if claim.id in open_now else _as_left_open(claim, stored.get(claim.id))
         for claim in claims
     )
-    sentences = _confirmed_sentences(problem, assumed)
+    marked = tuple(as_marked(claim, stored.get(claim.id)) for claim in assumed)
+    sentences = _confirmed_sentences(problem, marked)
     verdict = _document_verdict(design, assumed, sentences, open_now)
     claim = Claim.from_verdict(
         "document",
@@ -82,6 +85,7 @@ def document_claim(
     if sentences is None or verdict.outcome != "proved":
         return claim, Sentences()
     more = _withheld(design, sentences)
+    sentences = sentences_from(problem, assumed)
     return claim, replace(sentences, warnings=(*sentences.warnings, *more))
 
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lmi.arithmetic.arrays import Value
+from obsdesign.document import Claim
 from obsdesign.verification import stated_poles, stated_weights
 
 # course of a proof: depends on the floats that steer it
@@ -23,6 +24,8 @@ _COURSE = ("bits", "boxes", "method", "periods", "smallest_box", "steps",
 _COUNTS = ("bits", "boxes", "periods", "steps")
 # what a second proof adds, and a file need not have
 _ADDED = ("confirmed_by", "time_std", "weight_std")
+# marks in evidence that designs of earlier releases do not have, nor the warnings that follow
+_ADDED_MARKS = ("zero_gains",)
 # other libraries round otherwise: less than this, relatively, is not a false statement
 _LAST_DIGITS = 1e-9
 _ESTIMATE, _ESTIMATE_FLOOR = 1e-2, 1e-9
@@ -73,6 +76,17 @@ def is_older_wording(claim: str, stored: str, statement: str) -> bool:
     return bool(now) and now in statement and stored == statement.replace(now, before)
 
 
+def as_marked(claim: Claim, stored: Claim | None) -> Claim:
+    """The claim without marks in its evidence that the stored one, of an earlier release, lacks."""
+    before = {} if stored is None else stored.evidence
+    evidence = {
+        key: value
+        for key, value in claim.evidence.items()
+        if key in before or key not in _ADDED_MARKS
+    }
+    return replace(claim, evidence=evidence)
+
+
 @dataclass(frozen=True)
 class Difference:
     """Place where document and new proof differ, `claim.entry`; false, or only unconfirmed."""
@@ -91,7 +105,7 @@ def _differences(path: str, stored: Value, proved: Value, estimate: bool) -> Ite
     if isinstance(stored, Mapping) and isinstance(proved, Mapping):
         for key in sorted({*stored, *proved}):
             here = f"{path}.{key}"
-            if key not in stored and key in _ADDED:
+            if key not in stored and key in (*_ADDED, *_ADDED_MARKS):
                 continue
             if key not in stored or key not in proved:
                 yield Difference(here, True)

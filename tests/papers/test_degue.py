@@ -20,6 +20,7 @@ from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem, periodic_width
+from obsdesign.runtime.interval.maps import jump_maps, step_maps
 from obsdesign.runtime.interval.observer import IntervalObserver
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -141,17 +142,28 @@ def test_example_41_widths(dwell: float, before: tuple, after: tuple, mean: tupl
 
 
 def test_width_before_and_after_the_first_jump() -> None:
-    # w(0) = (2, 2), jump at 5; with samples every 1e-3 the slope scheme is within its O(h) excess
+    # w(0) = (2, 2), jump at 5; with samples every 1e-3 the slope scheme is within its O(h) excess,
+    # and what is reported is cut with prediction and strip: never wider
     observer = obsdesign.runtime.from_design(
         obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_1.toml"))
     )
     t = np.round(np.arange(5001) * 1e-3, 3)
     batch = observer.run_batch(t, np.zeros((5001, 1)), jump=t == 5.0, lower=[-1, -1], upper=[1, 1])
     widths = dict(zip(t.tolist(), batch.upper - batch.lower, strict=True))
+    model, radius, scheme = observer.kernels.model, np.ones(2), {}
+    step = step_maps(model, 1e-3, 0.0, is_periodic=False)["start"]
+    jump = jump_maps(model, observer.gains)[True]
+    for instant in t[1:].tolist():
+        radius = step.R @ radius + step.g
+        if instant == 5.0:
+            radius = jump.R @ radius + jump.g
+        scheme[instant] = 2 * radius
     continuous = {4.99: (0.21225, 0.159459), 5.0: (1.084257, 1.012008)}
     for instant, known in continuous.items():
-        assert np.all(widths[instant] > np.array(known) - TABLE_DIGITS)
-        assert np.all(widths[instant] < np.array(known) + 5e-4)
+        assert np.all(scheme[instant] > np.array(known) - TABLE_DIGITS)
+        assert np.all(scheme[instant] < np.array(known) + 5e-4)
+        assert np.all(widths[instant] <= scheme[instant] + 1e-9)
+    assert widths[4.99][1] <= 2 * 0.03 + 1e-12 < scheme[4.99][1]
 
 
 # --- Measurement timing -----------------------------------------------------------------------

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
+from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -26,9 +27,20 @@ def reason_against(problem: Problem) -> str | None:
         return reason
     if large := large_gain(gains.get("L"), gains.get("M"), options.gain_limit):
         return large.reason("observer.gains")
-    if reason := _reason_against_width(problem, options):
+    if reason := _reason_against_width(problem):
         return reason
     return _reason_against_form(problem, gains, options.form)
+
+
+def objective_of(problem: Problem) -> str:
+    """What open gains are chosen for: the narrowest bounds, unless another objective is stated.
+
+    Where L and M are given it is `feasible`: forms are tried in order, and none is searched for.
+    """
+    stated = problem.options_as(IntervalOptions).objective
+    needed = {"L"} if problem.plant.output.measured == "periodic" else {"L", "M"}
+    is_open = bool(needed - {*problem.gains, *idle_gains(problem.plant)})
+    return stated or ("narrowest" if is_open else "feasible")
 
 
 def reason_against_plant(plant: Plant) -> str | None:
@@ -36,13 +48,14 @@ def reason_against_plant(plant: Plant) -> str | None:
     return reason_against_unbounded(plant, "interval")
 
 
-def _reason_against_width(problem: Problem, options: IntervalOptions) -> str | None:
+def _reason_against_width(problem: Problem) -> str | None:
     """Reason against options of the width, or None."""
+    options = problem.options_as(IntervalOptions)
     for name in ("width", "width_weights"):
-        if options.is_stated(name) and options.objective != "narrowest":
+        if options.is_stated(name) and objective_of(problem) != "narrowest":
             return (
                 f"observer.{name} needs observer.objective = 'narrowest'; got "
-                f"{options.objective!r}."
+                f"{objective_of(problem)!r}."
             )
     if options.width == "pre_jump":
         if reason := problem.reason_without("jump", needed_by="observer.width = 'pre_jump'"):

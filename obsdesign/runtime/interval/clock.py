@@ -53,6 +53,11 @@ class SampleClock:
         """Time after a sample from which the next one is certainly a period later."""
         return (self.period or 0.0) * (1 - RELATIVE_TIME_TOLERANCE)
 
+    @cached_property
+    def longest(self) -> float:
+        """Step of a continuous y up to which a width is certainly guaranteed."""
+        return self.limit * (1 + RELATIVE_TIME_TOLERANCE)
+
     def is_in_time(self, state: IntervalState, t: float) -> bool:
         """Is t whole periods after the last sample on the period, and not late?"""
         assert self.period is not None

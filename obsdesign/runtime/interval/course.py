@@ -14,7 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.enclosure import raised
+from obsdesign.runtime.boxes import midpoint
+from obsdesign.runtime.interval.path import around_path
 from obsdesign.runtime.interval.state import Course, IntervalState
 from obsdesign.runtime.interval.step_kernels import StepKernels
 
@@ -27,7 +28,8 @@ def course_of(state: IntervalState, t: float, latest: float) -> Course:
     n = len(state.box) // 2
     course = state.course
     if course is None or t - course.since > latest:
-        return Course(state.t, state.t, state.box[:n], np.concatenate([np.zeros(n), state.box[n:]]))
+        centre, radius = midpoint(state.box[:n], -state.box[n:])
+        return Course(state.t, state.t, radius, np.concatenate([np.zeros(n), centre]))
     return course
 
 
@@ -36,12 +38,8 @@ def advanced(
 ) -> tuple[Course, Matrix]:
     """The course and its box at time t; y: a measurement there that ends it, used by the box."""
     size = max(abs(t), abs(state.t))
-    path_kernel = kernels.for_step(t - state.t, size)["path" if y is None else "sampled path"]
-    path = path_kernel.rows.dot(path_kernel.vector(course.path, None, y, state.u))
-    whole = kernels.for_step(t - course.since, max(size, abs(course.since)))
-    chosen = whole["none" if y is None else "sampled"]
-    n, nothing = chosen.n, np.zeros_like(state.u)
-    start = np.concatenate([course.radius, np.zeros(n)])
-    reach = chosen.rows[:n].dot(chosen.vector(start, None, None, nothing))
-    box = np.concatenate([raised(reach + path[:n], 1), path[n:]])
+    name = "none" if y is None else "sampled"
+    path = kernels.for_step(t - state.t, size).path(name).after(course.path, y, state.u)
+    whole = kernels.for_step(t - course.since, max(size, abs(course.since))).maps[name]
+    box = around_path(path, whole.R, whole.g, course.radius)
     return course._replace(now=t, path=path), box

@@ -59,9 +59,8 @@ class Fleet:
         own = [
             each.init(entry_of(times, i), lower=a, upper=b) for i, (each, a, b) in enumerate(plants)
         ]
-        box = np.array([each.box for each in own]).T
-        inputs = np.zeros((self._reads("u"), len(own)))
-        boxes = Boxes(box[n:].copy(), box[:n].copy(), None, inputs)
+        ends = np.array([each.box for each in own]).T.copy()
+        boxes = Boxes(ends, None, np.zeros((self._reads("u"), len(own))))
         return FleetState(times, boxes, {}, dict(enumerate(own)) if self._is_small else {})
 
     def reset(
@@ -104,7 +103,7 @@ class Fleet:
                 done = groups[0].advanced(state.boxes, rows.y)
                 if done.plausible.all():
                     held = state.boxes.u if rows.u is None else rows.u
-                    boxes = Boxes(done.centre, done.radius, rows.y, held)
+                    boxes = Boxes(done.ends, rows.y, held)
                     following = FleetState(rows.t, boxes, state.guards, {})
                     return following, FleetEstimate(rows.t, done.lower, done.upper, {})
             return self._mixed(state, rows, groups)
@@ -218,8 +217,7 @@ class Fleet:
         if plant in state.single:
             return state.single[plant]
         t, boxes = entry_of(state.t, plant), state.boxes
-        box = np.concatenate([boxes.radius[:, plant], boxes.centre[:, plant]])
-        fresh = self.observers[plant].from_box(t, box)
+        fresh = self.observers[plant].from_box(t, boxes.ends[:, plant].copy())
         if boxes.y is None:
             return fresh
         return fresh._replace(

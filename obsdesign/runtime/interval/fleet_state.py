@@ -68,11 +68,9 @@ class FleetDraft:
 
     def __init__(self, state: FleetState, rows: FleetRows, plants: int) -> None:
         boxes = state.boxes
-        self._centre, self._radius, self._u = (
-            block.copy() for block in (boxes.centre, boxes.radius, boxes.u)
-        )
+        self._ends, self._u = boxes.ends.copy(), boxes.u.copy()
         self.y = np.full(rows.y.shape, np.nan) if boxes.y is None else boxes.y.copy()
-        self._lower, self._upper = (np.full(boxes.centre.shape, np.nan) for _ in range(2))
+        self._lower, self._upper = np.full((2, len(boxes.ends) // 2, plants), np.nan)
         self.is_open = ~np.isnan(np.broadcast_to(rows.t, plants))
         self.single, self._guards = dict(state.single), dict(state.guards)
         self._estimates: dict[int, Estimate] = {}
@@ -82,8 +80,7 @@ class FleetDraft:
         done = group.advanced(boxes.part(group.members), rows.y[:, group.members])
         plants = group.members[done.plausible]
         for whole, part in (
-            (self._centre, done.centre), (self._radius, done.radius),
-            (self._lower, done.lower), (self._upper, done.upper),
+            (self._ends, done.ends), (self._lower, done.lower), (self._upper, done.upper)
         ):  # fmt: skip
             whole[:, plants] = part[:, done.plausible]
         self.y[:, plants] = rows.y[:, plants]
@@ -100,9 +97,8 @@ class FleetDraft:
         if stays_single:
             self.single[plant] = own
             return
-        n = len(self._centre)
         self.single.pop(plant, None)
-        self._radius[:, plant], self._centre[:, plant] = own.box[:n], own.box[n:]
+        self._ends[:, plant] = own.box
         self._u[:, plant], self.y[:, plant] = own.u, own.y
         if own.guard.last_jump is not None:
             self._guards[plant] = own.guard
@@ -112,7 +108,7 @@ class FleetDraft:
         t, absent = rows.t, np.isnan(rows.t)
         if absent.any():
             t = np.where(absent, state.t, t)
-        boxes = Boxes(self._centre, self._radius, self.y, self._u)
+        boxes = Boxes(self._ends, self.y, self._u)
         estimate = FleetEstimate(rows.t, self._lower, self._upper, self._estimates)
         return FleetState(t, boxes, self._guards, self.single), estimate
 

@@ -24,8 +24,13 @@ Step and sample are one map, of which the absolute value is taken, K = I - L C:
 
     r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
 
-(`lmi.arithmetic.exponential.absolute_flow`); reported bounds are also cut with |C x - y| <= V and
-the prediction. Claims about the width are about samples a period apart, and one off the period
+(`lmi.arithmetic.exponential.absolute_flow`).
+
+Whatever the samples, the box after a step is cut with those of all maps of the step, A alone among
+them, and with |C x - y| <= V (`kernel_rows`). The cut box is what is carried on: all maps here are
+monotone, |X| <= R, so that a smaller box stays inside, and so do claimed widths.
+
+Claims about the width are about samples a period apart, and one off the period
 (early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
 box, and the step over the whole period is made besides (`course`): r+ is then at most what
 it would be without the rows between.
@@ -134,6 +139,8 @@ def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
 
     before: the same step without it.
     """
+    if not size(model.L).any():
+        return before
     n, p = model.L.mid.shape
     K = exactly(np.eye(n)) - model.L @ model.C
     X = K @ before.X

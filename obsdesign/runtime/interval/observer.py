@@ -10,9 +10,10 @@ itself go into the radius.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import frexp
+from operator import gt, neg
 from typing import ClassVar
 
 import numpy as np
@@ -37,7 +38,7 @@ from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
-from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.kernel import KernelParts, Result, largest
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
@@ -80,7 +81,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        if self._short and state.moderate and (usual := self._usual(state, sample)) is not None:
+        if self._short and state.is_usual and (usual := self._usual(state, sample)) is not None:
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self.gains.p)
@@ -90,15 +91,17 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         else:
             row = self.varying.row(state, sample.bounds, y)
         with np.errstate(over="ignore", invalid="ignore"):
-            chosen, out, contradictions, course = self._propagated(state, sample, t, row, off)
+            results, contradictions, course = self._propagated(state, sample, t, row, off)
         guard, late = state.guard.after(t, sample.jump)
         objections = [*contradictions, late] if late else contradictions.copy()
         objections += self.clock.objections(state, sample, y, t)
-        box, bounds, fault = self._results(chosen, out)
-        if fault is not None:
-            objections.append(fault.value)
+        last = results[-1]
+        for fault in dict.fromkeys(each.fault for each in results if each.fault is not None):
             if fault is BoundsFault.CROSSED:
+                if contradictions:  # the outputs that make the bounds cross are named already
+                    continue
                 contradictions.append(fault.value)
+            objections.append(fault.value)
         refutation = state.refutation
         if refutation:
             objections.append(refutation)
@@ -110,51 +113,57 @@ class IntervalObserver(BoundsObserver[IntervalState]):
             (state.sampled if y is None else t),
             (state.phase if y is None or off else t),
         )
-        moderate = bool(out[2 * self.n + 2 * self.gains.p] < MODERATE) and row.held is None
+        is_usual = last.size < MODERATE and row.held is None and course is None and not refutation
         following = IntervalState(
-            t, box, u, kept, guard, True, sampled, refutation, phase, moderate, course, row.held
+            t,
+            last.box,
+            u,
+            kept,
+            guard,
+            True,
+            sampled,
+            refutation,
+            phase,
+            is_usual,
+            course,
+            row.held,
         )
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
-        return following, Estimate(t, None, *bounds, events=events, status=status)
+        return following, Estimate(t, None, last.lower, last.upper, events=events, status=status)
 
     def _propagated(
         self, state: IntervalState, sample: Sample, t: float, row: Row, off: bool
-    ) -> tuple[Kernel, Matrix, list[str], Course | None]:
-        """Kernel and result of the step to t and its jump, contradictions of y, and the course."""
+    ) -> tuple[list[Result], list[str], Course | None]:
+        """Results of the step to t and of its jump, contradictions of y, and the course."""
         y = row.y if not sample.jump or self.gains.jump_measurement == "before" else None
         kernels = row.kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
-        chosen = kernels[self._mode(state, y, t)]
-        out = chosen.rows.dot(chosen.vector(state.box, state.y, y, row.u))
+        chosen = kernels[self._mode(state, y)]
+        v = chosen.vector(state.box, state.y, y, row.u)
+        out = chosen.rows.dot(v)
         contradictions = [] if y is None else chosen.implausible(out)
-        boxes: list[Matrix] = []
-        course = None
+        result, course = chosen.result(v, out), None
         if self.clock.period is not None:
-            boxes, course = self._further_boxes(state, t, None if y is None else row.measured, off)
-            if off and y is not None:
-                plain = kernels["none"]
-                free = plain.rows.dot(plain.vector(state.box, None, None, row.u))
-                boxes.append(free[: 2 * self.n])
-        if boxes:
-            chosen, out = row.kernels.shared(chosen, out, boxes, row.u)
-        if sample.jump:
-            jump = JumpSample(row.y, sample.w, off, row.u, row.parts)
-            chosen, out = row.kernels.after_jump(kernels, out, state, jump, course)
-            course = None
-        return chosen, out, contradictions, course
+            further, course = self._of_course(state, t, None if y is None else row.measured, off)
+            if further is not None:
+                result = row.kernels.shared(result, further, row.u)
+        if not sample.jump:
+            return [result], contradictions, course
+        jump = JumpSample(row.y, sample.w, row.u, row.parts)
+        return [result, *row.kernels.after_jump(result, jump, course)], contradictions, None
 
-    def _further_boxes(
+    def _of_course(
         self, state: IntervalState, t: float, y: Matrix | None, off: bool
-    ) -> tuple[list[Matrix], Course | None]:
+    ) -> tuple[Matrix | None, Course | None]:
         """The box of the course at t, if there is one, and the course: with the declared bounds."""
         ends = y is not None and not off
         if ends and state.course is None:
-            return [], None
+            return None, None
         latest = self.clock.latest + 4 * math.ulp(t)
         course, box = advanced(
             self.kernels, course_of(state, t, latest), state, t, y if ends else None
         )
-        return [box], None if ends else course
+        return box, None if ends else course
 
     def _usual(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate] | None:
         """The step of a sample in time, without any objection; None for any other.
@@ -162,44 +171,24 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         One output and no inputs: written out, since most of its time is spent calling.
         """
         t, y, _, _, jump, bounds = sample
-        if (
-            jump
-            or bounds is not None
-            or not state.is_ordinary
-            or type(y) is not ndarray
-            or y.shape != _ONE_OUTPUT
-        ):
+        if jump or bounds is not None or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
             return None
-        kernel = self.kernels.usual.get((t - state.t, frexp(t)[1]))
-        if kernel is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
+        h, clock = t - state.t, self.clock
+        kernel = self.kernels.usual.get((h, frexp(t)[1]))
+        if kernel is None or not h > 0.0 <= state.t or not -MODERATE < y.item() < MODERATE:
             return None
-        apart = t - state.phase
-        if not self.clock.earliest <= apart <= self.clock.latest and not self.clock.is_in_time(
-            state, t
-        ):
-            return None
-        rows, blank, box, y_end, known, sizes, checks, first, second = kernel
-        v = blank.copy()
-        v[box] = state.box
-        v[y_end] = y
-        absolute(v[known], v[sizes])
-        out = rows.dot(v)
-        below, above, size = out[checks].tolist()
-        if not (below >= 0.0 and above >= 0.0 and size < MODERATE):
+        if clock.period is None:
+            if state.y is None or not h <= clock.longest:
+                return None
+        elif not (clock.earliest <= t - state.phase <= clock.latest or clock.is_in_time(state, t)):
             return None
         guard = state.guard
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
-        ends, n = maximum(out[first], out[second]), self.n
-        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t, "", t, True)
-        return following, Estimate(t, None, ends[:n], -ends[n:])
+        return _usual_step(kernel, state, t, y)
 
     def batch(self, state: IntervalState, record: Columns) -> Batch:
-        """Estimates of the rows of a record from a state at its first row.
-
-        Stretches of equal steps are done together, all other rows by `step`: the bounds agree with
-        those of `step` up to rounding, and hold as well.
-        """
+        """Estimates of the rows of a record from a state at its first row: those of `step`."""
         if record.y is None:
             return super().batch(state, record)
         return Stretches(self.kernels, self.clock, record, record.y).batch(state, self.step)
@@ -227,29 +216,41 @@ class IntervalObserver(BoundsObserver[IntervalState]):
     @cached_property
     def _short(self) -> bool:
         """Can `_usual` do most of the steps?"""
-        return self.clock.period is not None and self.gains.p == 1 and not self.reads["u"]
+        return self.gains.p == 1 and not self.reads["u"]
 
-    def _mode(self, state: IntervalState, y: Matrix | None, t: float) -> str:
+    def _mode(self, state: IntervalState, y: Matrix | None) -> str:
         if self.clock.period is not None:
             return "none" if y is None else "sampled"
-        if t == state.t:
-            return "none"
         if state.y is not None:
-            return "start"
+            return "start" if y is None else "both"
         return "none" if y is None else "end"
 
-    def _results(
-        self, chosen: Kernel, out: Matrix
-    ) -> tuple[Matrix, tuple[Matrix, Matrix], BoundsFault | None]:
-        """Box, bounds and their fault. Overflow leaves the only sound bounds: infinite ones."""
-        n = self.n
-        if not math.isfinite(out[2 * n + 2 * self.gains.p]):
-            nothing = np.full(n, np.inf)
-            box = np.concatenate([nothing, np.zeros(n)])
-            return box, (-nothing, nothing), BoundsFault.OVERFLOWED
-        lower, upper = chosen.bounds(out)
-        box = out[: 2 * n]
-        if chosen.candidates > 1 and (lower > upper).any():
-            whole = replace(chosen, candidates=1).bounds(out)
-            return box, (whole[0][:n], whole[1][:n]), BoundsFault.CROSSED
-        return box, (lower, upper), None
+
+def _usual_step(
+    kernel: KernelParts, state: IntervalState, t: float, y: Matrix
+) -> tuple[IntervalState, Estimate] | None:
+    """The product of a step and what follows; None where there is an objection."""
+    rows, blank, box, y_start, y_end, known, sizes, checks, first, others, inner, uses_y = kernel
+    v = blank.copy()
+    v[box] = state.box
+    if uses_y:
+        v[y_start] = state.y
+    v[y_end] = y
+    absolute(v[known], v[sizes])
+    out = rows.dot(v)
+    below, above, size = out[checks].tolist()
+    if not (below >= 0.0 and above >= 0.0 and size < MODERATE):
+        return None
+    ends = out[first]
+    for block in others:
+        ends = maximum(ends, out[block])
+    n = len(ends) // 2
+    lower, upper = ends[:n], -ends[n:]
+    if any(map(gt, lower.tolist(), upper.tolist())):
+        return None
+    if inner:
+        ends = largest([out[block] for block in inner])
+        if any(map(gt, ends[:n].tolist(), map(neg, ends[n:].tolist()))):
+            return None
+    following = IntervalState(t, ends, state.u, v[y_end], state.guard, True, t, "", t, True)
+    return following, Estimate(t, None, lower, upper)

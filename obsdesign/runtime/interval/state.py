@@ -41,13 +41,13 @@ class HeldBounds(NamedTuple):
 class IntervalState(NamedTuple):
     """Everything the next step needs, just after time t.
 
-    box: (2n,), radius and centre in the observer's coordinates; u: input that holds; y: measurement
+    box: (2n,), [lower; -upper] in the observer's coordinates; u: input that holds; y: measurement
     that the next step may start from; sampled: time of the last one used; refutation: since when,
     and why, the bounds are void, "" while they hold; phase: time of the last sample that was a
-    period after another one, or began anew (periodic samples only), NaN before the first; moderate:
-    all numbers of the last step were below `MODERATE`; course: None where the box is just after a
-    sample on the period or a jump (periodic samples only); bounds: those that hold up to the next
-    row, None as declared.
+    period after another one, or began anew (periodic samples only), NaN before the first; is_usual:
+    is it ordinary, and were all numbers of the last step below `MODERATE`? course: None where the
+    box is just after a sample on the period or a jump (periodic samples only); bounds: those that
+    hold up to the next row, None as declared.
     """
 
     t: float
@@ -59,7 +59,7 @@ class IntervalState(NamedTuple):
     sampled: float
     refutation: str = ""
     phase: float = math.nan
-    moderate: bool = False
+    is_usual: bool = False
     course: Course | None = None
     bounds: HeldBounds | None = None
 
@@ -70,19 +70,16 @@ class IntervalState(NamedTuple):
 
 
 def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Matrix:
-    """[r; m] in the observer's coordinates from bounds of x; ValueError if they are none."""
+    """The box in the observer's coordinates that bounds of x give; ValueError if they are none."""
     low, high = initial_bounds(n, lower, upper)
+    if model.S is None:
+        return np.concatenate([low, -high])
     with np.errstate(over="ignore", invalid="ignore"):  # the next step reports what overflowed
-        return model.from_plant(*midpoint(low, high))
+        return ends_of(model.from_plant(*midpoint(low, high)))
 
 
-def shared_box(first: Matrix, second: Matrix, n: int) -> Matrix:
-    """A box around the intersection of two boxes [r; m], the first if that is empty."""
-    with np.errstate(invalid="ignore"):
-        lower = np.maximum(first[n:] - first[:n], second[n:] - second[:n])
-        upper = np.minimum(first[n:] + first[:n], second[n:] + second[:n])
-        lower, upper = np.nextafter(lower, -np.inf), np.nextafter(upper, np.inf)
-        if not (lower <= upper).all() or not np.isfinite(upper - lower).all():
-            return first
-    centre, radius = midpoint(lower, upper)
-    return np.concatenate([np.minimum(radius, np.inf), centre])
+def ends_of(box: Matrix) -> Matrix:
+    """[lower; -upper], rounded outward, of a box [r; m]."""
+    radius, centre = np.split(box, 2)
+    ends: Matrix = np.nextafter(np.concatenate([centre - radius, -centre - radius]), -np.inf)
+    return ends

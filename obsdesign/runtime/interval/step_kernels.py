@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.enclosure import raised
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import no_jumps, vector
-from obsdesign.runtime.interval.kernel import Kernel, KernelParts, kernel, path_kernel
+from obsdesign.runtime.boxes import BoundsFault
+from obsdesign.runtime.interval.kernel import Kernel, KernelParts, Result, crossed
+from obsdesign.runtime.interval.kernel_rows import Cuts, is_known_from_strip, kernel
 from obsdesign.runtime.interval.maps import (
     BoxMap,
     flow_and_jump_spread,
@@ -23,7 +24,8 @@ from obsdesign.runtime.interval.maps import (
     step_maps,
 )
 from obsdesign.runtime.interval.model import Model, observer_model
-from obsdesign.runtime.interval.state import Course, IntervalState, shared_box
+from obsdesign.runtime.interval.path import PathMap, around_path
+from obsdesign.runtime.interval.state import Course
 from obsdesign.runtime.step_cache import shared_step
 
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps
@@ -31,32 +33,51 @@ _RECENT = 1024
 
 
 class JumpSample(NamedTuple):
-    """A sample at a jump; is_off_period: it is early, so that no claim counts it.
+    """A sample at a jump.
 
     u: inputs of the step that leads to it; parts: of its own bounds (`VaryingKernels`).
     """
 
     y: Matrix | None
     w: ArrayLike | None
-    is_off_period: bool
     u: Matrix
     parts: Matrix
+
+
+class KernelsOfStep(dict[str, Kernel]):
+    """Kernels of one step by name, each made by `build` when it is first needed; and its maps."""
+
+    def __init__(self, maps: Mapping[str, BoxMap], build: Callable[[str], Kernel]) -> None:
+        super().__init__()
+        self.maps = maps
+        self._build = build
+        self._paths: dict[str, PathMap] = {}
+
+    def __missing__(self, name: str) -> Kernel:
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
+            self[name] = built = self._build(name)
+        return built
+
+    def path(self, name: str) -> PathMap:
+        """The map `name` of the path of a `Course`."""
+        if name not in self._paths:
+            self._paths[name] = PathMap.from_map(self.maps[name])
+        return self._paths[name]
 
 
 class StepKernels:
     """Kernels, made when they are first needed.
 
-    gains: of a design of kind `interval`. Of a step: "none" without a measurement, "start" and
-    "end" with one there (continuous y), "sampled" (periodic samples), and for the path of a
-    `Course` "path" and "sampled path".
+    gains: of a design of kind `interval`. Of a step: "none" without a measurement, "start", "end"
+    and "both" with one there (continuous y), "sampled" (periodic samples).
     """
 
     def __init__(self, gains: IntervalGains) -> None:
         self.gains = gains
         self.is_periodic = gains.is_periodic
-        self._steps: OrderedDict[tuple[float, int], dict[str, Kernel]] = OrderedDict()
+        self._steps: OrderedDict[tuple[float, int], KernelsOfStep] = OrderedDict()
         self._jump_spreads: OrderedDict[tuple[float, int], tuple[Matrix, Matrix]] = OrderedDict()
-        self._recent: dict[tuple[float, int], dict[str, Kernel]] = {}
+        self._recent: dict[tuple[float, int], KernelsOfStep] = {}
         # (length as it comes, exponent of the later time) -> the kernel of a sample there, in parts
         self.usual: dict[tuple[float, int], KernelParts] = {}
 
@@ -66,7 +87,7 @@ class StepKernels:
         with np.errstate(over="ignore", invalid="ignore"):
             return observer_model(self.gains)
 
-    def for_step(self, h: float, size: float) -> dict[str, Kernel]:
+    def for_step(self, h: float, size: float) -> KernelsOfStep:
         """Kernels of a step of about h between time stamps of magnitude `size`."""
         key = (h, math.frexp(size)[1])
         kernels = self._recent.get(key)
@@ -76,19 +97,19 @@ class StepKernels:
                 self.usual.clear()
             kernels = shared_step(self._steps, h, size, self._built)
             self._recent[key] = kernels
-            if self.is_periodic:
-                chosen = kernels["sampled"]
+            if h > 0.0:
+                chosen = kernels["sampled" if self.is_periodic else "both"]
                 if chosen.moderate:
                     self.usual[key] = chosen.in_parts()
         return kernels
 
     def with_sample(self, h: float, size: float, has_start: bool) -> Kernel:
         """The kernel of a step with a sample at its end; has_start: and one at its start."""
-        mode = "sampled" if self.is_periodic else "start" if has_start else "end"
+        mode = "sampled" if self.is_periodic else "both" if has_start else "end"
         return self.for_step(h, size)[mode]
 
     @cached_property
-    def still(self) -> Mapping[str, Kernel]:
+    def still(self) -> KernelsOfStep:
         """Kernels of a step of length zero."""
         return self.for_step(0.0, 0.0)
 
@@ -100,19 +121,22 @@ class StepKernels:
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
         """Kernels of a jump: with the correction M (y - C x), and without."""
+        return self._of_jump(self.model, jump_maps(self.model, self.gains))
+
+    def _of_jump(self, model: Model, maps: dict[bool, BoxMap]) -> dict[bool, Kernel]:
+        is_after = self.gains.jump_measurement == "after"
         return {
-            corrected: kernel(self.model, step, step, self.gains.C, strips=False)
-            for corrected, step in jump_maps(self.model, self.gains).items()
+            corrected: self._with_cuts(
+                model, step, Cuts([maps[False]], [maps[False]] if corrected and is_after else [])
+            )
+            for corrected, step in maps.items()
         }
 
-    def after_jump(
-        self, step: Mapping[str, Kernel], out: Matrix, state: IntervalState, jump: JumpSample,
-        course: Course | None,
-    ) -> tuple[Kernel, Matrix]:  # fmt: skip
-        """The result after a jump, from `out` just before it; `step`: the kernels that led there.
+    def after_jump(self, before: Result, jump: JumpSample, course: Course | None) -> list[Result]:
+        """The results after a jump and, with samples as events, after the sample just after it.
 
-        With samples as events: the sample and the jump, one after the other, then cut with the
-        jump corrected by M. course: up to the jump, as long as no sample ended it.
+        before: just before the jump; course: up to it, as long as no sample ended it. A box that
+        was cut with its sample is inside the one without it, and so is its image.
         """
         gains = self.gains
         if gains.G is None:
@@ -120,77 +144,61 @@ class StepKernels:
         inputs = 0 if gains.E is None else gains.E.shape[1]
         w = np.zeros(inputs) if jump.w is None else vector(jump.w, inputs, "w")
         known = np.concatenate([w, jump.parts]) if jump.parts.size else w
-        n2 = len(state.box)
-        uses_sample = jump.y is not None and gains.jump_measurement != "none"
-        if not self.is_periodic:
-            return self._jumped(out[:n2], known, jump.y if uses_sample else None)
-        k, after = self._jumped(out[:n2], known, None)
-        if course is not None:
-            k, after = self.shared(k, after, [self.declared._after_course(course, w)], jump.u)
-        if not uses_sample:
-            return k, after
-        if gains.jump_measurement == "after":
-            k, free = self.still["sampled"], after
-            after = k.rows.dot(k.vector(free[:n2], None, jump.y, jump.u))
-            if jump.is_off_period:
-                k, after = self.shared(k, after, [free[:n2]], jump.u)
-        if np.any(gains.M):
-            plain = step["none"]
-            before = plain.rows.dot(plain.vector(state.box, state.y, None, jump.u))
-            _, corrected = self._jumped(before[:n2], known, jump.y)
-            box = shared_box(after[:n2], corrected[:n2], k.n)
-            k = self.still["none"]
-            after = k.rows.dot(k.vector(box, None, None, jump.u))
-        return k, after
-
-    def _jumped(self, box: Matrix, known: Matrix, y: Matrix | None) -> tuple[Kernel, Matrix]:
-        """The result of a jump from a box just before it, corrected by M if y is there."""
+        y = jump.y if gains.jump_measurement != "none" else None
         k = self.jumps[y is not None]
-        return k, k.rows.dot(k.vector(box, None, y, known))
+        after = k.after(before.box, None, y, known)
+        if course is not None:
+            after = self.shared(after, self.declared._after_course(course, w), jump.u)
+        if y is None or gains.jump_measurement != "after" or not self.is_periodic:
+            return [after]
+        k = self.still["sampled"]
+        return [after, k.after(after.box, None, y, jump.u)]
 
     def _after_course(self, course: Course, known: Matrix) -> Matrix:
         """The box after a jump that ends a course."""
-        path = self._jump_path.rows.dot(self._jump_path.vector(course.path, None, None, known))
-        n, t = len(course.radius), course.now
+        t = course.now
         size = max(abs(t), abs(course.since))
         spread = partial(flow_and_jump_spread, self.model, self.gains)
         R, g = shared_step(self._jump_spreads, t - course.since, size, spread)
-        reach = raised(R @ course.radius + g, 2 * n)
-        return np.concatenate([raised(reach + path[:n], 1), path[n:]])
+        return around_path(self._jump_path.after(course.path, None, known), R, g, course.radius)
 
     @cached_property
-    def _jump_path(self) -> Kernel:
-        return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
+    def _jump_path(self) -> PathMap:
+        return PathMap.from_map(jump_maps(self.model, self.gains)[False])
 
-    def shared(
-        self, chosen: Kernel, used: Matrix, boxes: Sequence[Matrix], u: Matrix
-    ) -> tuple[Kernel, Matrix]:
-        """The result of the intersection of `used` with further boxes, inside the first of them.
-
-        Reported bounds are cut with those of `used`, unless the intersection is empty.
-        """
-        n = chosen.n
+    def shared(self, used: Result, box: Matrix, u: Matrix) -> Result:
+        """The intersection of a result with a further box; the bounds are cut with those of it."""
         k = self.still["none"]
-        box = boxes[0]
-        for other in (*boxes[1:], used[: 2 * n]):
-            box = shared_box(box, other, n)
-        out: Matrix = k.rows.dot(k.vector(box, None, None, np.zeros_like(u)))
-        lower, upper = chosen.bounds(used)
-        ends = np.maximum(out[-2 * n :], np.concatenate([lower, -upper]))
-        if (ends[:n] <= -ends[n:]).all():
-            out[-2 * n :] = ends
-        return k, out
+        both = np.maximum(used.box, box)
+        whole = k.after(both, None, None, np.zeros_like(u))
+        ends = np.maximum(
+            np.concatenate([used.lower, -used.upper]), np.concatenate([whole.lower, -whole.upper])
+        )
+        if crossed(both) or crossed(ends):
+            return used._replace(fault=used.fault or BoundsFault.CROSSED)
+        size = max(used.size, whole.size)
+        return Result(both, ends[: k.n], -ends[k.n :], size, used.fault or whole.fault)
 
-    def _built(self, h: float, h_error: float) -> dict[str, Kernel]:
-        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
+    def _built(self, h: float, h_error: float) -> KernelsOfStep:
+        with np.errstate(over="ignore", invalid="ignore"):
             maps = step_maps(self.model, h, h_error, is_periodic=self.is_periodic)
-            built = {name: self._kernel(name, maps) for name in maps}
-            if self.is_periodic:
-                built["path"] = path_kernel(maps["none"], self.gains.p)
-                built["sampled path"] = path_kernel(maps["sampled"], self.gains.p)
-        return built
+        return KernelsOfStep(maps, lambda name: self._kernel(name, maps))
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
-        predicted = maps["start" if name == "start" else "none"]
-        strips = name == "sampled"
-        return kernel(self.model, maps[name], predicted, self.gains.C, strips=strips)
+        """The kernel `name` of a step with these maps."""
+        free = maps["none"]
+        if name in ("both", "start") and self._is_known_from_strip(maps["start"], free):
+            name = "end" if name == "both" else "none"
+        if name in ("none", "start"):
+            return self._with_cuts(self.model, maps[name], Cuts([free]))
+        started = [maps["start"]] if name == "both" else []
+        ended = [maps["end"]] if name == "both" else []
+        chosen = started[0] if started else maps.get(name, free)  # "end" of no step is its start
+        return self._with_cuts(self.model, chosen, Cuts([*ended, free], [*started, free]))
+
+    def _is_known_from_strip(self, start: BoxMap, free: BoxMap) -> bool:
+        model = self.model
+        return model.S is None and is_known_from_strip(start, free, self.gains.C, model.V)
+
+    def _with_cuts(self, model: Model, step: BoxMap, cuts: Cuts) -> Kernel:
+        return kernel(model, step, self.gains.C, cuts)

@@ -1,10 +1,8 @@
-"""Whole records at once: stretches of equal steps as two linear recursions in blocks.
+"""Whole records at once: stretches of equal steps in a loop of their products alone.
 
-Where nothing but samples in time happens, centre and radius obey m+ = A m + d and r+ = R r + a with
-the same A and R in every row. Any path of centres will do, as long as the radius takes up how far
-it is from the exact map (the defect, which is computed): so the centres may come from matrix
-products over blocks of rows, in any order of summation. The first row that a stretch cannot
-explain is left to `step`.
+Where nothing but samples in time happens, every row is one product with one matrix, and the box of
+the next row is cut from it: the numbers are those of `step`. Objections are looked for afterwards.
+The first row that a stretch cannot explain is left to `step`.
 """
 
 from __future__ import annotations
@@ -14,27 +12,28 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Indices, Matrix
-from lmi.arithmetic.enclosure import UNIT, raised
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
-from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.kernel import Kernel, largest
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.step_cache import shared_length
 
 Step = Callable[[IntervalState, Sample], tuple[IntervalState, Estimate]]
 
-_BLOCK = 16
 # rows of a stretch that are done together
 _FEWEST_ROWS, _MOST_ROWS = 16, 4096
+# of these in one loop
+_TOGETHER = 256
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Rows of one kernel: bounds (rows, n) of x, and [r; m] after the last one (2n,)."""
+    """Rows of one kernel: bounds (rows, n) of x, and the box after the last one (2n,)."""
 
     lower: Matrix
     upper: Matrix
@@ -47,35 +46,65 @@ def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> S
     y0, y1: (rows, p) measurements at the start and the end of each step; u: (rows, m) inputs that
     hold over it.
     """
-    n, p, middle = kernel.n, kernel.p, kernel.middle
-    count = len(y1)
+    n, count = kernel.n, len(y1)
+    together = _Together(kernel, min(count, _TOGETHER))
+    lower, upper = np.empty((2, count, n))
     with np.errstate(over="ignore", invalid="ignore"):
-        known = np.empty((count, middle - n))
-        known[:, n : n + p], known[:, n + p : n + 2 * p] = y0, y1
-        known[:, n + 2 * p : -1], known[:, -1] = u, 1.0
-        X = kernel.rows[n : 2 * n, n:middle]
-        driven = known[:, n:] @ X[:, n:].T
-        centres = _recursion(X[:, :n], driven, box[n:])
-        known[0, :n], known[1:, :n] = box[n:], centres[:-1]
-        defect = np.abs(centres - known @ X.T)
-        added = raised(np.abs(known) @ kernel.rows[:n, middle:].T + defect, 4 * middle)
-        radii = _upper_recursion(kernel.rows[:n, :n], added, box[:n])
-        v = np.empty((count, kernel.width))
-        v[0, :n], v[1:, :n] = box[:n], radii[:-1]
-        v[:, n:middle] = known
-        np.abs(known, out=v[:, middle:])
-        out = v @ kernel.rows[2 * n :].T
-        ends = out[:, 2 * p + 1 : 2 * p + 1 + 2 * n]
-        for k in range(1, kernel.candidates):
-            np.maximum(ends, out[:, 2 * p + 1 + 2 * n * k :][:, : 2 * n], out=ends)
-        lower, upper = ends[:, :n], -ends[:, n:]
+        for first in range(0, count, _TOGETHER):
+            some = slice(first, min(first + _TOGETHER, count))
+            own, boxes, fine = together.rows(box, y0[some], y1[some], u[some])
+            lower[some], upper[some] = own[:, :n], -own[:, n:]
+            fine &= (lower[some] <= upper[some]).all(axis=1)
+            if not fine.all():
+                kept = int(np.argmin(fine))
+                box = boxes[kept - 1].copy() if kept else box
+                return Stretch(lower[: first + kept], upper[: first + kept], box)
+            box = boxes[-1].copy()
+    return Stretch(lower, upper, box)
+
+
+class _Together:
+    """Room for rows that one kernel does in a loop: what it multiplies, the products, views."""
+
+    def __init__(self, kernel: Kernel, count: int) -> None:
+        n2, middle = 2 * kernel.n, kernel.middle
+        self._kernel = kernel
+        self._v = np.tile(kernel.blank, (count + 1, 1))
+        self._out = np.empty((count, len(kernel.rows)))
+        outer, inner = kernel.blocks
+        one, *others = (self._out[:, block] for block in inner or outer)
+        other, *more = others[::-1] or [one]
+        boxes, sizes = self._v[1:, :n2], self._v[1:, middle : middle + n2]
+        further = list(zip(*more, strict=True)) or [()] * count
+        views = zip(self._v, self._out, one, other, boxes, sizes, further, strict=False)
+        self._views = list(views)
+
+    def rows(
+        self, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix
+    ) -> tuple[Matrix, Matrix, NDArray[np.bool_]]:
+        """[lower; -upper] of x, those that are carried on, and whether no number objects."""
+        kernel, count = self._kernel, len(y1)
+        n, p, middle = kernel.n, kernel.p, kernel.middle
+        v, out = self._v[: count + 1], self._out[:count]
+        v[0, : 2 * n] = box
+        for values, start in ((y0, 2 * n), (y1, 2 * n + p), (u, 2 * n + 2 * p)):
+            v[:-1, start : start + values.shape[1]] = values
+        np.abs(v[:, :middle], out=v[:, middle:])
+        product, maximum, absolute = kernel.rows.dot, np.maximum, np.absolute
+        for given, result, one, other, ends, sizes, more in self._views[:count]:
+            product(given, result)
+            maximum(one, other, out=ends)
+            for block in more:
+                maximum(ends, block, out=ends)
+            absolute(ends, sizes)
         # a number that is not finite makes a comparison fail
-        fine = (out[:, : 2 * p].min(axis=1) >= 0) & (out[:, 2 * p] < math.inf)
-        if p > 1:
-            fine &= (lower <= upper).all(axis=1)
-    kept = count if fine.all() else int(np.argmin(fine))
-    last = box if kept == 0 else np.concatenate([radii[kept - 1], centres[kept - 1]])
-    return Stretch(lower[:kept], upper[:kept], last)
+        fine = (out[:, : 2 * p] >= 0).all(axis=1) & (out[:, 2 * p] < math.inf)
+        boxes = v[1:, : 2 * n]
+        outer, inner = kernel.blocks
+        if not inner:
+            return boxes, boxes, fine
+        fine &= (boxes[:, :n] <= -boxes[:, n:]).all(axis=1)
+        return largest([out[:, block] for block in outer]), boxes, fine
 
 
 @dataclass(frozen=True)
@@ -165,7 +194,7 @@ class Stretches:
     def _held(self, u: Matrix, first: int, end: int) -> Matrix:
         """Inputs before rows first .. end - 1, and after the last: (end - first + 1, m)."""
         if self.record.u is None or not u.size:
-            return np.tile(u, (end - first + 1, 1))
+            return np.broadcast_to(u, (end - first + 1, len(u)))
         return np.vstack([u, self.record.u[first:end]])
 
     def _end_of_equal_steps(self, state: IntervalState, span: range) -> int:
@@ -181,48 +210,3 @@ class Stretches:
         alike = np.abs(steps - length) <= half
         alike &= self.clock.regular_steps(steps, times[row:end])
         return row + int(np.argmin(np.append(alike, False)))
-
-
-def _recursion(A: Matrix, driven: Matrix, start: Matrix) -> Matrix:
-    """x_k = A x_{k-1} + driven_k, x_{-1} = start: rows x_k, by blocks."""
-    n = len(A)
-    powers = [np.eye(n)]
-    for _ in range(_BLOCK):
-        powers.append(powers[-1] @ A)
-    return _blocks(np.array(powers), driven, start, 0)
-
-
-def _upper_recursion(R: Matrix, added: Matrix, start: Matrix) -> Matrix:
-    """The same with R, added, start >= 0, rounded up."""
-    n = len(R)
-    powers = [np.eye(n)]
-    for _ in range(_BLOCK):
-        powers.append(np.where(powers[-1] @ R > 0, raised(powers[-1] @ R, 2 * n), 0.0))
-    return _blocks(np.array(powers), added, start, 2 * n * (_BLOCK + 2))
-
-
-def _blocks(powers: Matrix, driven: Matrix, start: Matrix, terms: int) -> Matrix:
-    """Return rows x_k: blocks from zero in one product, then the contribution of their starts."""
-    count, n = driven.shape
-    size = min(_BLOCK, count)
-    blocks = -(-count // size)
-    padded = np.zeros((blocks * size, n))
-    padded[:count] = driven
-    # row (i, a), column (j, b): what driven_i, entry a, adds to x_j, entry b
-    toeplitz = np.zeros((size, n, size, n))
-    for lag in range(size):
-        for j in range(lag, size):
-            toeplitz[j - lag, :, j, :] = powers[lag].T
-    local = padded.reshape(blocks, size * n) @ toeplitz.reshape(size * n, size * n)
-    ends = local.reshape(blocks, size, n)[:, -1]
-    starts = np.empty((blocks, n))
-    whole, x, grown = powers[size], start, 1.0 + 2 * terms * UNIT
-    for i in range(blocks):
-        starts[i] = x
-        x = (whole @ x + ends[i]) * grown
-    spread = powers[1 : size + 1].transpose(2, 0, 1).reshape(n, size * n)
-    total = local + starts @ spread
-    if terms:
-        total = raised(total, terms)
-    result: Matrix = total.reshape(blocks * size, n)[:count]
-    return result

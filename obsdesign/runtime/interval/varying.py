@@ -13,7 +13,7 @@ input as well; that of v is taken from the measurement.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -25,11 +25,12 @@ from lmi.arithmetic.enclosure import UNIT, Enclosure, raised
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, Pair, declared_noise
 from obsdesign.runtime.boxes import midpoint
-from obsdesign.runtime.interval.kernel import Kernel, kernel
+from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.kernel_rows import Cuts, kernel
 from obsdesign.runtime.interval.maps import BoxMap, jump_maps, step_maps
 from obsdesign.runtime.interval.model import Model, exactly
 from obsdesign.runtime.interval.state import HeldBounds, IntervalState
-from obsdesign.runtime.interval.step_kernels import StepKernels
+from obsdesign.runtime.interval.step_kernels import KernelsOfStep, StepKernels
 
 NO_PARTS = np.zeros(0)
 
@@ -141,7 +142,7 @@ class VaryingKernels(StepKernels):
             tuple(replace(model, V=row) if row.any() else None for row in v),
         )
 
-    def _built(self, h: float, h_error: float) -> dict[str, Kernel]:
+    def _built(self, h: float, h_error: float) -> KernelsOfStep:
         b, _, v = self._models
         maps, *of_entries = (
             None if model is None
@@ -156,7 +157,7 @@ class VaryingKernels(StepKernels):
             unused = [None] * len(of_v)
             ends = [*of_v, *unused] if name == "start" else [*unused, *of_v]
             widened[name] = _with_parts(step, [*of_b, *ends])
-        return {name: self._kernel(name, widened) for name in widened}
+        return KernelsOfStep(widened, lambda name: self._kernel(name, widened))
 
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
@@ -167,18 +168,19 @@ class VaryingKernels(StepKernels):
             for model in (self.model, *c, *v)
         )
         assert maps is not None
-        built = {}
-        for corrected, step in maps.items():
-            added = [None if each is None else each[corrected].g for each in of_entries]
-            own = _with_parts(step, added)
-            C, V = self.gains.C, self.gains.noise_bound
-            built[corrected] = kernel(self.model, own, own, C, strips=False, noise=V)
-        return built
+        widened = {
+            corrected: _with_parts(
+                step, [None if each is None else each[corrected].g for each in of_entries]
+            )
+            for corrected, step in maps.items()
+        }
+        return self._of_jump(self.model, widened)
 
-    def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
-        predicted = maps["start" if name == "start" else "none"]
-        strips, V = name == "sampled", self.gains.noise_bound
-        return kernel(self.model, maps[name], predicted, self.gains.C, strips=strips, noise=V)
+    def _is_known_from_strip(self, start: BoxMap, free: BoxMap) -> bool:
+        return False
+
+    def _with_cuts(self, model: Model, step: BoxMap, cuts: Cuts) -> Kernel:
+        return kernel(model, step, self.gains.C, cuts, noise=self.gains.noise_bound)
 
 
 def _parts(declared: DeclaredBox, pair: Pair | None, middle: tuple[Matrix, Matrix]) -> Matrix:

@@ -40,6 +40,7 @@ from obsdesign.synthesis.interval.coordinates import CoordinateSearch
 from obsdesign.synthesis.interval.descent import best_gains, solvers_of_gains
 from obsdesign.synthesis.interval.forms import gains_of_form
 from obsdesign.synthesis.interval.periodic import sampled_bases
+from obsdesign.synthesis.interval.placed import FEWEST_STATES, placed_choice
 from obsdesign.synthesis.interval.sampled_candidates import sampled_candidates
 from obsdesign.synthesis.interval.similarity import coordinates_of_assumption_4
 from obsdesign.synthesis.interval.task import GainSearch, Task
@@ -76,6 +77,8 @@ def synthesize_constrained(
         yield from _without_search(problem, given, own)
         return
     search = GainSearch(problem, given, budget, constraints)
+    if "S" not in own and "coordinates" in open_forms(problem):
+        yield from _at_once(search)
     for form in open_forms(problem):
         if form == "coordinates" and "S" not in own:
             yield from _in_open_coordinates(search)
@@ -155,6 +158,17 @@ def _inactive_constraints(search: GainSearch, task: Task, where: str) -> tuple[R
         for entry, gain, error in entries
         for remark in inactive_constraints(entry, gain, error, where)
     )
+
+
+def _at_once(search: GainSearch) -> Iterator[Candidate]:
+    """Yield what is certified quickly where the searches over forms take long."""
+    problem = search.problem
+    if problem.plant.n < FEWEST_STATES or problem.plant.output.measured == "periodic":
+        return
+    choice = placed_choice(search)
+    if choice is not None:
+        gains = gains_of_form(problem, "coordinates", choice.L, choice.M, {"S": choice.S})
+        yield with_solvers(certified(problem, gains, search.budget, searched=True), choice.solvers)
 
 
 def _in_open_coordinates(search: GainSearch) -> Iterator[Candidate]:

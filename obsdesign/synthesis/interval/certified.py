@@ -12,9 +12,9 @@ from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.dwell_search import dwell_bracket
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark, TimeBudget
+from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
-from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
@@ -53,7 +53,7 @@ def certified(
 ) -> Candidate:
     """The candidate of finished gains, with what may help to prove it."""
     system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
-    objective = problem.options_as(IntervalOptions).objective
+    objective = objective_of(problem)
     cost = _cost(problem, gains) if objective == "narrowest" else None
     certificates = Certificates()
     if system.N is not None:

@@ -19,6 +19,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.time_budget import TimeBudget
+from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
@@ -197,7 +198,7 @@ class GainSearch:
     @property
     def objective(self) -> str:
         """What open gains are chosen for."""
-        return self.problem.options_as(IntervalOptions).objective
+        return objective_of(self.problem)
 
     def task(self, positive: bool, S: Matrix | None) -> Task:
         """The task in coordinates S (None: the plant's own)."""
@@ -275,7 +276,7 @@ def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
     cap = _given_limit(problem, basis)
     if cap is not None:
         return np.full(shape, cap), np.full(shape, cap)
-    factor = _DEFAULT_LIMIT[problem.options_as(IntervalOptions).objective]
+    factor = _DEFAULT_LIMIT[objective_of(problem)]
     size = _size(problem, basis)
     jump = 1.0 if plant.jump is None else float(np.abs(plant.jump.G).max())
     return (

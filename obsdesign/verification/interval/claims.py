@@ -86,6 +86,8 @@ def claims(
     agreement = _invertible(gains, _within_limit(problem, gains, agreement))
     if agreement.verdict != "proved":
         return (agreement,)
+    if not (gains.L.any() or gains.M.any()):
+        agreement = replace(agreement, evidence={**agreement.evidence, "zero_gains": True})
     source = f"{PAPER}, {THEOREMS[gains.form]}"
     hypotheses = (agreement, *_hypotheses(problem, gains, source))
     system = WidthSystem.from_gains(gains, exact, inverse)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
@@ -47,6 +48,25 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     if not (at_jumps or is_periodic or sampled):
         entries.append(Guarantee.not_proved(no_spacing()))
     return (*entries, Guarantee.from_verdicts(ROUNDED_WIDTHS, enclosing, verdicts))
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """A sentence on gains that are all zero."""
+    if not any(claim.evidence.get("zero_gains") for claim in claims):
+        return ()
+    if "L" in problem.gains:
+        other = "without gains.L and gains.M the narrowest bounds are searched for"
+    elif objective_of(problem) == "narrowest":
+        other = (
+            "objective 'narrowest' keeps them only where it finds none with a smaller proved "
+            "width, 'feasible' takes the first bounds that stay bounded"
+        )
+    else:
+        other = "objective 'narrowest' chooses gains for the smallest width"
+    return (
+        "The observer does not use the sensor: L = M = 0, so that every proved width is that of "
+        f"the plant alone; at run time only the strip of each sample cuts the bounds; {other}.",
+    )
 
 
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:

@@ -26,7 +26,7 @@ from obsdesign.runtime.interval.model import completed, exactly
 )
 def test_outputs_outside_their_bounds(room: list[float], outside: list[str]) -> None:
     size: Any = SimpleNamespace(n=2, p=3)
-    out = np.array([9.0, 9.0, -9.0, -9.0, *room, -9.0])
+    out = np.array([*room, -9.0, -9.0, 9.0])
     assert Kernel.implausible(size, out) == [f"{name} outside its bounds" for name in outside]
 
 

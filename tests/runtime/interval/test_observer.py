@@ -14,10 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lmi.arithmetic.exponential import expm
+from obsdesign.data.simulation import simulate
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval.kernel import Kernel
-from obsdesign.runtime.interval.maps import BoxMap
+from obsdesign.runtime.interval.maps import BoxMap, step_maps
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.interval.step_kernels import StepKernels
 from tests.systems.interval_runs import (
@@ -157,13 +158,12 @@ def test_a_larger_box_gives_larger_bounds(seed: int) -> None:
     rng = np.random.default_rng(seed)
     plant = random_plant(rng)
     observer = random_observer(plant, rng)
-    n, (before, after) = observer.n, (rng.uniform(0, 1, (2, 1)) for _ in range(2))
-    del before, after
+    n = observer.n
     centre, slim = rng.standard_normal(n), rng.uniform(0, 1, n)
     wide = slim + rng.uniform(0, 1, n)
-    t = np.round(np.arange(15) * 0.1, 1)
-    y = rng.standard_normal((15, observer.reads["y"]))
-    data = (t, y, None, None, np.arange(15) % 6 == 5)
+    record = simulate(plant, until=1.5, step=0.1, initial=centre, disturbance="random", rng=rng)
+    w, jump = np.nan_to_num(record.block("w")), record.columns["jump"]
+    data = (record.t, record.block("y"), record.block("u"), w, jump)
     small = observer.run_batch(*data, lower=centre - slim, upper=centre + slim)
     large = observer.run_batch(*data, lower=centre - wide, upper=centre + wide)
     room = 1e-9 * (1 + np.abs(large.upper) + np.abs(large.lower))
@@ -202,9 +202,13 @@ def test_short_steps_tend_to_the_observer_of_the_paper() -> None:
     limit = np.linalg.solve(-(A - L @ C), np.array([0.1, 0.13]))
     excess = []
     for h in (0.1, 0.05, 0.025):
+        step = step_maps(observer.kernels.model, h, 0.0, is_periodic=False)["start"]
+        excess.append(np.linalg.solve(np.eye(2) - step.R, step.g) - limit)
         t = np.round(np.arange(round(40 / h)) * h, 6)
         batch = observer.run_batch(t, np.zeros((len(t), 1)), lower=[-1, -1], upper=[1, 1])
-        excess.append((batch.upper[-1] - batch.lower[-1]) / 2 - limit)
+        width = batch.upper[-1] - batch.lower[-1]
+        assert np.all(width <= 2 * (limit + excess[-1]) + 1e-12)  # cut, and never wider
+        assert width[1] <= 2 * 0.03 + 1e-12  # x2 is what is measured
     ratios = excess[0][1] / excess[1][1], excess[1][1] / excess[2][1]
     assert all(1.8 < ratio < 2.2 for ratio in ratios), ratios
 

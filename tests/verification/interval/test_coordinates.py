@@ -17,6 +17,7 @@ from lmi.prove.common_matrix import prove_common
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.runtime import Sample, from_design
+from obsdesign.runtime.interval.maps import jump_maps, step_maps
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.synthesis.interval.forms import gains_of_form
 
@@ -77,7 +78,8 @@ def test_the_counterexample_is_refuted_by_the_corrected_condition() -> None:
     assert verdicts(outcome)["dwell_stability"] == "refuted"
 
 
-def test_the_bounds_of_the_counterexample_do_explode() -> None:
+def test_the_widths_of_the_counterexample_do_explode() -> None:
+    """Those of the recursion: what is reported is cut with |G|, which keeps them bounded here."""
     problem = problem_with(PRINTED_8_HOLDS)
     given_gains = problem.gains
     gains = gains_of_form(
@@ -91,11 +93,17 @@ def test_the_bounds_of_the_counterexample_do_explode() -> None:
     np.testing.assert_allclose(system.N, [[2.6, 1.7], [3.4, 2.5]])
     assert max(abs(np.linalg.eigvals(system.N))) == pytest.approx(4.954683, abs=1e-6)
     observer = IntervalObserver(gains)
+    model = observer.kernels.model
+    flow = step_maps(model, 1.0, 0.0, is_periodic=False)["start"]
+    jump = jump_maps(model, gains)[True]
     state = observer.init(0.0, lower=[0, 0], upper=[1, 1])
-    widths = []
+    radius, widths = np.array([0.5, 0.5]), []
     for k in range(1, 31):
-        state, estimate = observer.step(state, Sample(float(k), y=[0.0], jump=True))
-        widths.append(estimate.upper - estimate.lower)
+        radius = jump.R @ (flow.R @ radius + flow.g) + jump.g
+        widths.append(2 * radius)
+        state, estimate = observer.step(state, Sample(float(k), jump=True))
+        assert (estimate.upper - estimate.lower <= widths[-1] * (1 + 1e-12)).all()
+        assert (estimate.upper - estimate.lower < 1.0).all()
     np.testing.assert_allclose(widths[0], [3.7444, 5.1233], rtol=DIGITS)
     np.testing.assert_allclose(widths[9], [1.7767e6, 2.4535e6], rtol=DIGITS)
     np.testing.assert_allclose(widths[29], [7.37e18, 1.018e19], rtol=DIGITS)
@@ -279,7 +287,10 @@ def test_observer_9_takes_the_noise_at_a_jump_into_its_bounds() -> None:
     S, S2, M = (np.array(design.gains[name]) for name in ("S", "S2", "M"))
     out = np.abs(S) @ np.abs(np.linalg.solve(S, S2))
     noise, disturbance = np.abs(np.linalg.solve(S2, M))[:, 0] * V, np.abs(np.linalg.inv(S2)) @ c
-    np.testing.assert_allclose(widths, [2 * out @ (noise + disturbance)] * 3, rtol=1e-9)
+    recursion = 2 * out @ (noise + disturbance)
+    jump = jump_maps(observer.kernels.model, observer.gains)[True]
+    np.testing.assert_allclose(2 * np.abs(S) @ jump.g, recursion, rtol=1e-9)
+    assert (np.array(widths) <= recursion * (1 + 1e-9)).all()  # cut with the jump of the plant
 
 
 @pytest.mark.parametrize("disturbance", ["extreme", "random"])

@@ -109,7 +109,7 @@ def test_widths_are_those_of_the_runtime() -> None:
     state = observer.init(0.0, lower=[-1, -9], upper=[1, 9])
     for k in range(1, 400):
         state, _ = observer.step(state, Sample(round(0.2 * k, 9), [0.0]))
-    reached = 2 * state.box[:2]
+    reached = -state.box[:2] - state.box[2:]
     np.testing.assert_allclose(reached, evidence["after_sample"], rtol=1e-5)
     assert np.all(reached <= evidence["after_sample"])
 

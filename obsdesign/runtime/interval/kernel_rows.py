@@ -1,0 +1,217 @@
+"""The rows of a kernel from enclosed maps, with their margins for rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, raised
+from obsdesign.runtime.base import MODERATE
+from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.maps import BoxMap
+from obsdesign.runtime.interval.model import Model, exactly, size
+
+# relative rounding of radii that agree in exact arithmetic
+_NO_WIDER = 1e-12
+
+
+@dataclass(frozen=True)
+class Cuts:
+    """What else contains the state after a step, beside the box of the observer.
+
+    boxes: further maps of the same step; strips: maps without y1 whose outputs are within V of y1,
+    if there is one. Every map leads to a box that contains the state: so does their intersection.
+    """
+
+    boxes: Sequence[BoxMap] = ()
+    strips: Sequence[BoxMap] = ()
+
+
+def kernel(
+    model: Model, step: BoxMap, C: Matrix, cuts: Cuts, *, noise: Matrix | None = None
+) -> Kernel:
+    """The kernel of a step. C: in the coordinates of the plant.
+
+    noise: (p,) radius of the noise of y1 whose parts are the last inputs before 1, beside V.
+    """
+    n, p = len(step.g), len(C)
+    columns = step.X.mid.shape[1]
+    y_end = exactly(np.zeros((p, columns)))
+    y_end.mid[:, n + p : n + 2 * p] = np.eye(p)
+    y_end.mid[:, -1] = -model.y_mid
+    if noise is not None:
+        y_end.rad[:, -p - 1 : -1] = np.diag(noise)
+    before = _Rows.of_map([*cuts.strips, step][0])
+    residual = before.times(-model.C, y_end)
+    residual = _Rows(residual.X, residual.R, residual.g + model.V)
+    checks = -np.vstack([residual.lower(-1.0), residual.lower()])
+    maps = [_Rows.of_map(each) for each in (step, *(m for m in cuts.boxes if m is not step))]
+    strips = [_Rows.of_map(each) for each in cuts.strips]
+    outer = _candidates(maps, strips, model.S, exactly(C), model.V, y_end)
+    inner = [] if model.S is None else _candidates(maps, strips, None, model.C, model.V, y_end)
+    both = [_ends(maps[0] if model.S is None else maps[0].times(model.S)), _ends(maps[0])]
+    whole = np.vstack(both[: 1 if model.S is None else 2])
+    total = _total(np.vstack([checks, whole, *outer, *inner]))
+    rows = np.vstack([checks, total, *outer, *inner])
+    middle = n + columns
+    blank = np.zeros(2 * middle)
+    blank[middle - 1] = 1.0
+    return Kernel(rows, n, p, len(outer), len(inner), whole, blank, middle)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Quantities within R r + g of X [m; y0; y1; u; 1], r and m the radius and centre of a box."""
+
+    X: Enclosure
+    R: Matrix
+    g: Matrix
+
+    @classmethod
+    def of_map(cls, step: BoxMap) -> _Rows:
+        """The states that a map leads to."""
+        return cls(step.X, step.R, step.g)
+
+    def times(self, left: Enclosure, plus: Enclosure | None = None) -> _Rows:
+        """left times these, plus a known part."""
+        weight, terms = size(left), 2 * len(self.g)
+        X = left @ self.X
+        return _Rows(
+            X if plus is None else X + plus,
+            raised(weight @ self.R, terms),
+            raised(weight @ self.g, terms),
+        )
+
+    def lower(self, sign: float = 1.0) -> Matrix:
+        """Rows that give at most sign X v - R r - g when they are multiplied in floats.
+
+        X m - R r = (R + X) / 2 lower + (R - X) / 2 (-upper).
+        """
+        n = self.R.shape[1]
+        M, known = sign * self.X.mid[:, :n], sign * self.X.mid[:, n:]
+        signed = np.hstack([0.5 * (self.R + M), 0.5 * (self.R - M), known])
+        of_m, of_known = self.X.rad[:, :n], self.X.rad[:, n:]
+        rad = np.hstack([0.5 * of_m, 0.5 * of_m, of_known])
+        terms = 4 * signed.shape[1] + 8
+        error = raised(rad + terms * UNIT * np.abs(signed), terms)
+        error[(signed == 0.0) & (rad == 0.0)] = 0.0  # nothing to round
+        error[:, -1] = raised(error[:, -1] + self.g, terms) + TINY
+        return np.hstack([signed, -error])
+
+
+def _ends(rows: _Rows) -> Matrix:
+    """[lower; -upper] of all points within R r + g of X v, rounded outward."""
+    return np.vstack([rows.lower(), rows.lower(-1.0)])
+
+
+def _total(rows: Matrix) -> Matrix:
+    """A row that gives twice the sum of |row| |v|: v ends with its absolute values."""
+    weights: Matrix = 2.0 * np.abs(rows).sum(axis=0)
+    middle = len(weights) // 2
+    weights[middle:] += weights[:middle]
+    weights[:middle] = 0.0
+    return weights
+
+
+def _candidates(
+    maps: list[_Rows], strips: list[_Rows], S: Enclosure | None, C: Enclosure, V: Matrix,
+    y_end: Enclosure,
+) -> list[Matrix]:  # fmt: skip
+    """Bounds of S z, C acting on S z: in as few blocks as the state with most bounds needs.
+
+    Those that are not finite only of the first map; none twice, none that two others imply.
+    """
+    maps, strips = ([box if S is None else box.times(S) for box in each] for each in (maps, strips))
+    n = len(maps[0].g)
+    of_state: list[list[Matrix]] = [[] for _ in range(n)]
+    for box in maps:
+        ends = _ends(box)
+        for j, pairs in enumerate(of_state):
+            if not (strips and _is_between(box, strips[-1], C, V, j)):
+                pairs.append(ends[[j, n + j]])
+    for box in strips:
+        for i, j in zip(*np.nonzero(C.mid), strict=True):
+            pair = _strip_pair(box, C, V, y_end, (int(i), int(j)))
+            of_state[int(j)] += [] if pair is None else [pair]
+    of_state = [_distinct(pairs) for pairs in of_state]
+    blocks = np.empty((max(map(len, of_state)), 2 * n, y_end.mid.shape[1] * 2 + 2 * n))
+    for j, pairs in enumerate(of_state):
+        for k, block in enumerate(blocks):
+            block[[j, n + j]] = pairs[min(k, len(pairs) - 1)]
+    return list(blocks)
+
+
+def _distinct(pairs: list[Matrix]) -> list[Matrix]:
+    """The first pair of rows, and all others that are finite, each once."""
+    kept = pairs[:1]
+    for pair in pairs[1:]:
+        if np.isfinite(pair).all() and not any(np.array_equal(pair, other) for other in kept):
+            kept.append(pair)
+    return kept
+
+
+def _is_between(box: _Rows, free: _Rows, C: Enclosure, V: Matrix, j: int) -> bool:
+    """Does state j of a box lie between those of `free` and of a strip that is about it alone?
+
+    Its bounds are then (1 - s) times those of `free` plus s times those of the strip, or wider.
+    """
+    n, p = len(box.g), len(V)
+    (used,) = np.nonzero(box.X.mid[j, n + p : n + 2 * p])
+    if len(used) != 1:
+        return False
+    i = int(used[0])
+    c = float(C.mid[i, j])
+    share = c * float(box.X.mid[j, n + p + i])
+    if not 0 < share <= 1 or np.count_nonzero(C.mid[i]) > 1 or C.rad[i].any():
+        return False
+    rest = (1 - share) * (1 - _NO_WIDER)
+    R, g = rest * free.R[j], rest * free.g[j] + share * (1 - _NO_WIDER) * V[i] / abs(c)
+    return bool((box.R[j] >= R).all() and box.g[j] >= g)
+
+
+def is_known_from_strip(start: BoxMap, free: BoxMap, C: Matrix, V: Matrix) -> bool:
+    """Is `free` no wider than `start`, which uses y0, for all boxes in the strip of y0?
+
+    A box that was cut with y0 is one where each output is about one state of its own. Then
+    |y0 - c m| <= V - |c| r, and bounds of `start` are inside those of `free` by at most
+    |K| (V - |c| r) - dR r - dg, K = dm+ / dy0: linear in r, largest at r = 0 or r = V / |c|.
+    """
+    p, n = C.shape
+    outputs, states = np.nonzero(C)
+    if len(outputs) != p or len(set(outputs.tolist())) < p or len(set(states.tolist())) < p:
+        return False
+    c = np.abs(C[outputs, states])
+    if not ((c > 1 / MODERATE) & (c < MODERATE)).all():
+        return False
+    K = np.abs(start.X.mid[:, n : n + p])[:, outputs]
+    dR, dg = start.R - free.R, start.g - free.g
+    lost = np.maximum(K * V[outputs], -dR[:, states] * (V[outputs] / c)).sum(axis=1)
+    others = np.delete(dR + _NO_WIDER * free.R, states, axis=1)
+    return bool((others >= 0).all() and (dg + _NO_WIDER * start.g >= lost).all())
+
+
+def _strip_pair(
+    states: _Rows, C: Enclosure, V: Matrix, y_end: Enclosure, entry: tuple[int, int]
+) -> Matrix | None:
+    """Rows for the lower and the upper bound of one state from one output; None if not finite."""
+    i, j = entry
+    c, error = float(C.mid[i, j]), float(C.rad[i, j])
+    if not abs(c) > 2 * error:
+        return None
+    with np.errstate(over="ignore"):
+        scale = abs(1.0 / c)
+        # |1/c' - 1/c| <= |c' - c| / (|c| |c'|)
+        off = UNIT * scale + (4 * error * scale * scale if error else 0.0)
+    if not np.isfinite(scale + off):
+        return None
+    others = Enclosure(-C.mid[i : i + 1], C.rad[i : i + 1].copy())
+    others.mid[0, j] = others.rad[0, j] = 0.0
+    term = states.times(others, Enclosure(y_end.mid[i : i + 1], y_end.rad[i : i + 1]))
+    largest = float(raised(np.array(scale + off), 2)) if error else scale
+    R = raised(term.R * largest, 2)
+    g = raised((term.g + V[i]) * largest, 4)
+    pair = _ends(_Rows(term.X.scaled(1.0 / c, off), R, g))
+    return pair if np.isfinite(pair).all() else None
