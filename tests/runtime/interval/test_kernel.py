@@ -70,4 +70,4 @@ def test_bounds_of_many_plants_are_outward_and_no_wider_than_rounding(S: Any) ->
     middle, reach = (centre, radius) if S is None else (S @ centre, np.abs(S) @ radius)
     assert (lower <= middle - reach).all()
     assert (middle + reach <= upper).all()
-    assert (upper - lower <= 2 * reach + 1e-8).all()
+    assert (upper - lower <= 2 * reach + 1e-7).all()  # centres of 1e7, some twenty roundings
