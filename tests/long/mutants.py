@@ -14,6 +14,9 @@ its first test alone), until `SECONDS` of the suite's own time are full. It is k
 fails, or by more processor time than `GRACE` + `FACTOR` times what the tests need without it: the
 load of the machine is in neither. More than `LATEST` seconds on the clock decide nothing.
 
+A mutant that survives has often met too few tests: `SECONDS` end before the one that would fail.
+`--survivors` with the test files of its module says whether a test is missing.
+
 Equivalent mutants stand in `mutants_explained.toml`, each with its reason, and count apart. Where
 only the import of a module runs a statement, the tests that run any line of its file are met.
 """

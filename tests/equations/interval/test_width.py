@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from obsdesign.equations.interval import splits
-from obsdesign.equations.interval.width import periodic_width
+from obsdesign.equations.interval.width import Coordinates, _jump_width, periodic_width
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -74,3 +77,26 @@ def test_constant_dwell_times_lead_to_the_periodic_width(seed: int) -> None:
         periodic_width(W, 9 * n * np.eye(n) + N, f, h, dwell)
     with pytest.raises(ValueError, match="does not settle"):
         periodic_width(np.zeros((1, 1)), np.eye(1), f[:1], h[:1], dwell)
+
+
+@pytest.mark.parametrize("when", ["before", "after", "none"])
+def test_second_coordinates_that_are_the_first_change_nothing(when: str) -> None:
+    rng = np.random.default_rng(7)
+    H, M, C = rng.random((3, 3)), rng.standard_normal((3, 1)), rng.standard_normal((1, 3))
+    c = np.sort(rng.standard_normal((2, 3)), axis=0)
+    gains: Any = SimpleNamespace(
+        is_periodic=False, jump_measurement=when, M=M, C=C, noise_bound=np.array([0.25]),
+        jump_bounds=(c[0], c[1]), jump_split=(H, 0 * H), T=H,
+    )  # fmt: skip
+    one, two = (
+        _jump_width(
+            gains, Coordinates.from_matrices(S, S, np.linalg.inv, np.asarray), H, np.asarray
+        )
+        for S in (None, np.eye(3))
+    )
+    for plain, other in zip(one, two, strict=True):
+        np.testing.assert_allclose(plain, other, rtol=1e-12)
+    np.testing.assert_allclose(one[0], H)
+    through = {"before": np.eye(3), "after": np.eye(3) - M @ C, "none": np.eye(3)}[when]
+    noise = 0.0 if when == "none" else 0.5 * np.abs(M[:, 0])
+    np.testing.assert_allclose(one[1], np.abs(through) @ (c[1] - c[0]) + noise, rtol=1e-12)

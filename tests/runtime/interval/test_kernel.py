@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from obsdesign.runtime.interval.kernel import Kernel
-from obsdesign.runtime.interval.model import completed, exactly
+from obsdesign.runtime.interval.model import Model, completed, exactly
+from obsdesign.runtime.interval.side_by_side import _bounds
 
 
 @pytest.mark.parametrize(
@@ -46,3 +47,27 @@ def test_a_completed_split_is_above_the_matrix_and_keeps_its_zeros(is_flow: bool
     assert (total <= size + 1e-15).all()
     wider = completed(exactly(X), plus + 1.0, minus + 0.5, is_flow=is_flow)  # misses X by a half
     assert (wider >= size + 1.5).all()
+
+
+def test_the_middle_of_the_noise_is_taken_from_every_measurement() -> None:
+    """K (y - middle - C z): the column for 1 loses K times the middle, for each K."""
+    rng = np.random.default_rng(8)
+    known, K, L = rng.standard_normal((2, 3)), rng.standard_normal((2, 1)), np.ones((2, 1))
+    own: Any = SimpleNamespace(y_mid=np.array([0.75]))
+    column = Model.less_middle(own, exactly(known), exactly(K), None, exactly(L))
+    expected = known[:, 2] - 0.75 * (K + L)[:, 0]
+    assert (np.abs(column.mid[:, 2] - expected) <= column.rad[:, 2] + 1e-15).all()
+    assert (column.mid[:, :2] == known[:, :2]).all()
+    own.y_mid = np.zeros(1)
+    assert (Model.less_middle(own, exactly(known), exactly(K)).mid == known).all()
+
+
+@pytest.mark.parametrize("S", [None, np.array([[1.0, 2.0], [0.0, -3.0]])])
+def test_bounds_of_many_plants_are_outward_and_no_wider_than_rounding(S: Any) -> None:
+    rng = np.random.default_rng(9)
+    centre, radius = 1e6 * rng.standard_normal((2, 50)), rng.random((2, 50))
+    lower, upper = _bounds(S, centre, radius)
+    middle, reach = (centre, radius) if S is None else (S @ centre, np.abs(S) @ radius)
+    assert (lower <= middle - reach).all()
+    assert (middle + reach <= upper).all()
+    assert (upper - lower <= 2 * reach + 1e-7).all()  # centres of 1e7, some twenty roundings
