@@ -24,8 +24,8 @@ class Event:
 
     t: float
     weights: Matrix
-    t_std: float | None
-    weights_std: Matrix | None
+    t_std: float | None = None
+    weights_std: Matrix | None = None
     doubts: tuple[str, ...] = ()
 
     @property

@@ -13,7 +13,6 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.equations.impulsive_input.curve import balanced_size
-from obsdesign.errors import InputError
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.given_gains import refuse_second_choice
