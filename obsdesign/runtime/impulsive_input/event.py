@@ -8,6 +8,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.time_stamps import time_tolerance
 
 MISSING, OPEN = "missing sample", "unresolved"  # of a row
 MISFIT = "does not fit one impulse in the window"
@@ -23,8 +24,8 @@ class Event:
 
     t: float
     weights: Matrix
-    t_std: float | None
-    weights_std: Matrix | None
+    t_std: float | None = None
+    weights_std: Matrix | None = None
     doubts: tuple[str, ...] = ()
 
     @property
@@ -44,6 +45,19 @@ class Event:
             *map(float, spread),
             self.status,
         )
+
+
+def missing_sample(period: float | None, first: float, t: float) -> tuple[str, ...]:
+    """Sentence of a row at t without measurement that lacks a sample; none between samples.
+
+    period: of the samples, None where y is measured continuously; first: time of the record's first
+    row, by which samples are due.
+    """
+    if period is not None:
+        apart = abs(t - first - round((t - first) / period) * period)
+        if apart > time_tolerance(t - first, t):
+            return ()
+    return (MISSING,)
 
 
 def with_event(rows: list[Estimate], event: Event) -> list[Estimate]:

@@ -14,7 +14,6 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.deviations import KERNEL_RANK_TOLERANCE
-from obsdesign.equations.impulsive_input.fit import Impulse, left_inverse
 from obsdesign.equations.impulsive_input.gains import ImpulsiveInputGains
 
 # proportional noise is no smaller than at this part of the largest output
@@ -73,18 +72,3 @@ def noise_covariance(taps: Matrix, spread: Matrix) -> Matrix:
         weighted = taps * spread[:, j, None]
         N[j * m : (j + 1) * m, j * m : (j + 1) * m] = weighted.T @ weighted
     return N
-
-
-def plain_deviations(impulse: Impulse, taps: Matrix, spread: Matrix) -> tuple[float, Matrix]:
-    """Deviations of age and weights under the plain norm: J^+ N J^+', N the covariance of R."""
-    J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])
-    back = left_inverse(J)
-    C = back @ noise_covariance(taps, spread) @ back.T
-    deviations = np.sqrt(np.diag(C))
-    return float(deviations[0]), deviations[1:]
-
-
-def covariance_of(J: Matrix) -> Matrix:
-    """(J'J)^-1 by QR; no Gramian is inverted."""
-    back = left_inverse(np.linalg.qr(J)[1])
-    return np.asarray(back @ back.T)

@@ -107,4 +107,7 @@ def _between_samples(plant: Plant) -> str:
     if fixed_vector([np.hstack([H, A @ H])]) is None:
         return ""
     some = " for weights g with flow.A jump.H g in the span of jump.H" if H.shape[1] > 1 else ""
-    return f"; samples show only between which two of them it came{some}"
+    return (
+        ", but for its time between two samples: samples show only between which two of them "
+        f"it came, and the weight for every time between them{some}"
+    )

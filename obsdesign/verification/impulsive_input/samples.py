@@ -3,7 +3,9 @@
 With samples t_o + h, ..., t_o + N h, an impulse at t_o + v, 0 <= v < h, leaves
 M e^{-A v} H g, M = [C e^{A h}; ...; C e^{A N h}]. If M has rank n and e^{A t} has no other
 eigenvectors than A for 0 < t < h (no aliasing), (v, g) is determined if and only if H is not an
-eigenvector of A: otherwise every v explains the samples equally well.
+eigenvector of A. With A H = mu H every v explains the samples equally well: determined is
+e^{-mu v} g, which is the state after the impulse; and, where C H is not zero, the interval, whose
+last sample is the first one that differs.
 """
 
 from __future__ import annotations
@@ -14,7 +16,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, Matrix
-from lmi.arithmetic.balls import Ball, Exact, ball, exact, exp_times, rational, to_float
+from lmi.arithmetic.balls import (
+    Ball,
+    Exact,
+    Rational,
+    ball,
+    exact,
+    exp_times,
+    nearest_float,
+    rational,
+    to_float,
+)
 from lmi.prove.hurwitz import exactly_schur, prove_hurwitz, real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
@@ -62,7 +74,13 @@ def sampled_claims(gains: SamplesGains) -> tuple[Claim, ...]:
     A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
     h, count = gains.sample_period, gains.window_samples
     rank = _rank(A, C, h, count, first=1)
-    onset = _uniqueness(A, H, h)
+    mode = _eigenvalue(A, H)
+    onset = _uniqueness(A, H, h) if mode is None else _only_interval(C, H, mode)
+    known = (
+        "time and weight of an impulse in its first interval"
+        if mode is None
+        else "that an impulse came in its first interval, and its weight for every time in it"
+    )
     return (
         Claim.from_verdict(
             "rank",
@@ -72,8 +90,7 @@ def sampled_claims(gains: SamplesGains) -> tuple[Claim, ...]:
         ),
         Claim.from_verdict(
             "uniqueness",
-            "without noise the samples of a window determine time and weight of an impulse in its "
-            "first interval",
+            f"without noise the samples of a window determine {known}",
             SOURCE,
             onset,
         ),
@@ -211,20 +228,34 @@ def _sampled_rows(A: Exact, C: Exact, step: float, first: int, count: int) -> Ro
     return rows
 
 
-def _uniqueness(A: Exact, H: Exact, h: float) -> Verdict:
+def _eigenvalue(A: Exact, H: Exact) -> Rational | None:
+    """mu of A H = mu H, H (n, 1) not zero, exactly; None where there is none."""
     along = A @ H
     k = next((i for i in range(len(H)) if H[i, 0] != 0), None)
     if k is None:
+        return None
+    mode = along[k, 0] / H[k, 0]
+    is_along = all(along[i, 0] == mode * H[i, 0] for i in range(len(H)))
+    return mode if is_along else None
+
+
+def _only_interval(C: Exact, H: Exact, mode: Rational) -> Verdict:
+    """Verdict on the interval of an onset, H an eigenvector of A; rank shows the state after it."""
+    along = f"jump.H is an eigenvector of flow.A (eigenvalue {nearest_float(mode):.6g})"
+    if not (C @ H).any():
+        reason = f"{along} that no output shows"
+        return refuted({"eigenvalue": nearest_float(mode), "reason": reason, "of_all_gains": True})
+    return proved(
+        method=f"{along}: impulses at any two times between two samples leave the same samples; "
+        "the sample after it is the first that the impulse changes"
+    )
+
+
+def _uniqueness(A: Exact, H: Exact, h: float) -> Verdict:
+    """Verdict on time and weight of an onset in an interval, H no eigenvector of A."""
+    if not H.any():
         reason = "jump.H is zero: impulses do nothing"
         return refuted({"vector": [0.0] * len(H), "reason": reason, "of_all_gains": True})
-    rate = along[k, 0] / H[k, 0]
-    if all(along[i, 0] == rate * H[i, 0] for i in range(len(H))):
-        mode = float(rate.p) / float(rate.q)
-        reason = (
-            f"jump.H is an eigenvector of flow.A (eigenvalue {mode:.6g}): impulses at any two "
-            "times between two samples leave the same samples, so that only the interval is known"
-        )
-        return refuted({"eigenvalue": mode, "onsets": [0.0, h / 2], "reason": reason})
     if real_spectrum(A):
         return proved(method="jump.H is no eigenvector of flow.A, whose spectrum is real")
     skew = (A - A.T) * exact(np.array(0.5)).item()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -141,6 +142,15 @@ def test_a_missing_sample_costs_little(observer: Any) -> None:
     assert rows[20].status == "missing sample"
 
 
+def test_no_sample_is_due_between_samples(observer: Any) -> None:
+    t = np.insert(DATA[:, 0], [6, 14], [54.3, 131.5])  # rows of impulses, as a simulation has them
+    y = np.insert(DATA[:, 1:], [6, 14], np.nan, axis=0)
+    y[20] = np.nan  # the twin: a row on the period
+    rows = list(observer.run(observer.init(0.0, **PRIOR), rows_of(t, y)))
+    assert [k for k, row in enumerate(rows) if "missing sample" in row.status] == [20]
+    assert [rows[6].status, rows[15].status] == ["ok", "ok"]
+
+
 def test_the_operator_is_chosen_by_the_sampling(body: dict[str, Any]) -> None:
     open_body = copy.deepcopy(body)
     for name in ("operator", "window"):
@@ -155,16 +165,22 @@ def test_the_operator_is_chosen_by_the_sampling(body: dict[str, Any]) -> None:
     assert outcome.design.gains["operator"] == "integral"
 
 
-def test_one_compartment_cannot_tell_the_onset(body: dict[str, Any]) -> None:
+def test_one_compartment_shows_only_the_interval_of_an_onset() -> None:
     body = {
         "flow": {"A": [[-0.0139]]}, "jump": {"H": [[1]], "dwell_time": [45, "inf"]},
-        "output": {"C": [[1]], "measured": "periodic", "period": 10, "noise_cv": [0.05]},
+        "output": {"C": [[1]], "measured": "periodic", "period": 10, "noise_cv": [0.01]},
         "observer": {"kind": "impulsive_input", "operator": "samples"},
     }  # fmt: skip
-    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
-    refuted = [c for c in outcome.claims if c.verdict == "refuted"]
-    assert [c.id for c in refuted] == ["uniqueness"]
-    assert refuted[0].evidence["witness"]["reason"].startswith("jump.H is an eigenvector of flow.A")
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    claim = next(claim for claim in design.claims if claim.id == "uniqueness")
+    assert "determine that an impulse came in its first interval" in claim.statement
+    t = 10.0 * np.arange(30)
+    y = [record(body["flow"]["A"], [[1.0]], [(onset, 2.0)], t, [0.0]) for onset in (101.0, 108.0)]
+    for exact_y, onset in zip(y, (101.0, 108.0), strict=True):
+        (event,) = from_design(design).run_batch(t, exact_y, x=np.zeros(1)).events
+        assert 100 < event.t < 110
+        assert event.t_std == pytest.approx(10 / math.sqrt(12), rel=0.02)
+        assert abs(event.t - onset) < math.sqrt(3.5) * event.t_std
 
 
 @pytest.mark.parametrize(

@@ -65,20 +65,6 @@ def test_deviations_of_the_noise() -> None:
     assert nothing.tolist() == [[0.3, 0.1]]
 
 
-def test_deviations_of_a_plain_fit() -> None:
-    rng = np.random.default_rng(2)
-    impulse: Any = SimpleNamespace(
-        b=rng.standard_normal((6, 1)), b_dot=rng.standard_normal((6, 1)), weights=np.array([2.5])
-    )
-    age, weights = whitening.plain_deviations(impulse, TAPS, spread())
-    J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])
-    back = np.linalg.pinv(J)
-    C = back @ whitening.noise_covariance(TAPS, spread()) @ back.T
-    assert age == pytest.approx(math.sqrt(C[0, 0]))
-    assert weights == pytest.approx([math.sqrt(C[1, 1])])
-    np.testing.assert_allclose(whitening.covariance_of(J), np.linalg.inv(J.T @ J), rtol=1e-9)
-
-
 def test_roots_of_covariances() -> None:
     rng = np.random.default_rng(3)
     V, X = rng.standard_normal((4, 3)), rng.standard_normal((3, 3))

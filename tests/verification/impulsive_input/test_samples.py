@@ -10,22 +10,30 @@ import numpy as np
 import pytest
 
 from lmi.arithmetic.balls import exact
-from obsdesign.verification.impulsive_input.samples import _uniqueness, _window_verdict
+from obsdesign.verification.impulsive_input.samples import (
+    _eigenvalue,
+    _only_interval,
+    _uniqueness,
+    _window_verdict,
+)
 
 CHAIN = np.array([[-1.0, 1.0], [0.0, -3.0]])
 
 
 @pytest.mark.parametrize("size", [1.0, -0.5, 4.0])
-@pytest.mark.parametrize(("direction", "mode"), [([1.0, 0.0], -1.0), ([1.0, -2.0], -3.0)])
-def test_an_eigenvector_shows_no_time(size: float, direction: list[float], mode: float) -> None:
+@pytest.mark.parametrize(("direction", "mode"), [([1.0, 0.0], -1), ([1.0, -2.0], -3)])
+def test_an_eigenvector_shows_the_interval_alone(
+    size: float, direction: list[float], mode: int
+) -> None:
     H = size * np.array(direction)[:, None]
-    verdict = _uniqueness(exact(CHAIN), exact(H), 0.2)
-    assert verdict.outcome == "refuted"
-    witness = verdict.evidence["witness"]
-    assert witness["eigenvalue"] == mode
-    assert witness["onsets"] == [0.0, 0.1]
-    # the twin: beside it
+    assert _eigenvalue(exact(CHAIN), exact(H)) == mode
+    shown = _only_interval(exact([[1.0, 0.25]]), exact(H), exact(mode).item())
+    assert shown.outcome == "proved"
+    # the twins: where no output jumps samples do not show the impulse at all; and beside it
+    across = exact([[-direction[1], direction[0]]])
+    assert _only_interval(across, exact(H), exact(mode).item()).outcome == "refuted"
     beside = H + np.array([[0.0], [1e-9]])
+    assert _eigenvalue(exact(CHAIN), exact(beside)) is None
     assert _uniqueness(exact(CHAIN), exact(beside), 0.2).outcome == "proved"
 
 

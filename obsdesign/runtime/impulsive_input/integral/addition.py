@@ -21,14 +21,15 @@ from obsdesign.runtime.time_stamps import time_tolerance
 _MAX_MISFIT_SHARE = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 
 
-def compared(run: FreeRun, event: Event, window: Window) -> Event:
+def compared(run: FreeRun, decision: Decision, window: Window) -> Event:
     """The event, doubted where the output of the impulse misses the residual; plain norm.
 
     Features hardly show it. Two impulses in a window, a steady input, or an error of the state
     at its start leave a difference.
     """
     gains, error, spread = run.gains, window.error, window.spread
-    shown = run.impulse_error(window.t, event.t, gains.H @ event.weights)
+    event, fit = decision.event, decision.fit
+    shown = run.impulse_error(window.t, fit.t, gains.H @ fit.weights)
     remainder = error - shown @ gains.C.T
     size = float(np.abs(spread).max()) or 1.0
     noise = size**2 * chi_squared_limit(remainder.size) if spread.any() else 0.0
@@ -65,8 +66,8 @@ def with_impulse(
 
 def _corrected(run: FreeRun, track: Track, window: slice, decision: Decision) -> Matrix:
     """Estimates at all rows, with the impulse and the correction at t_o in those of the window."""
-    x, times, event = track.x.copy(), track.t[window], decision.event
-    x[window] += run.impulse_error(times, event.t, run.gains.H @ event.weights)
+    x, times, fit = track.x.copy(), track.t[window], decision.fit
+    x[window] += run.impulse_error(times, fit.t, run.gains.H @ fit.weights)
     if decision.correction.any():
         x[window] += run.coasting(times, float(times[0]), decision.correction)
     return x

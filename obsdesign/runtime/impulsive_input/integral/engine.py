@@ -204,4 +204,4 @@ class IntegralEngine:
         decision = self.evaluator.plain(R, window, search.at_start)
         if decision is None:
             return None
-        return replace(decision, event=compared(self.run, decision.event, window))
+        return replace(decision, event=compared(self.run, decision, window))

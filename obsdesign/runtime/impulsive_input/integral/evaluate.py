@@ -23,17 +23,22 @@ from obsdesign.equations.impulsive_input.features import (
     window_matrix,
     window_taps,
 )
-from obsdesign.equations.impulsive_input.fit import Impulse, explained, fit_impulse, peaks
+from obsdesign.equations.impulsive_input.fit import (
+    Impulse,
+    explained,
+    fit_impulse,
+    left_inverse,
+    peaks,
+)
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
+from obsdesign.runtime.impulsive_input.integral.onsets import OnsetGrid, Posterior, expected
 from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
     Weighted,
     chi_squared_limit,
-    covariance_of,
     noise_covariance,
-    plain_deviations,
     whitened,
 )
 
@@ -47,11 +52,14 @@ _MAX_MISFIT_SHARE = 1e-3
 class Decision:
     """Result of a window: an event, the correction at t_o (n,), P after.
 
-    covariance: of the error at the end of the window, None without tracking. cost, freedom: what
-    the fit leaves of whitened features, chi-squared of so many degrees of freedom; 0 without.
+    fit: time and weights that explain the features best, which the estimate takes in; the event has
+    their means. covariance: of the error at the end of the window, None without tracking. cost,
+    freedom: what the fit leaves of whitened features, chi-squared of so many degrees of freedom; 0
+    without.
     """
 
     event: Event
+    fit: Event
     correction: Matrix
     covariance: Matrix | None = None
     cost: float = 0.0
@@ -148,10 +156,11 @@ class Evaluator:
                 allowed += float(np.trace(N)) + Z_SCORE * math.sqrt(2 * float((N * N).sum()))
             if impulse.cost > allowed or not impulse.inside:
                 return None
-        stds = plain_deviations(impulse, window.taps, window.spread) if noisy else (None, None)
-        t = self._time(window, impulse)
-        event = Event(t=t, weights=impulse.weights, t_std=stds[0], weights_std=stds[1])
-        return Decision(event=event, correction=np.zeros(self.gains.n))
+        event = Event(t=self._time(window, impulse), weights=impulse.weights)
+        posterior = self._plain_posterior(R, window, impulse) if noisy else None
+        return Decision(
+            event=expected(event, posterior), fit=event, correction=np.zeros(self.gains.n)
+        )
 
     def weighted(self, window: Window, P: Matrix, at_start: bool) -> Decision | None:
         """Evaluate whitened features of a window; P (n, n): covariance of the error at t_o."""
@@ -166,29 +175,50 @@ class Evaluator:
         limit = chi_squared_limit(freedom)
         if at_start and (impulse.cost > limit or not impulse.inside):
             return None
-        J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])  # d(b g)/d(age, g)
-        spread = covariance_of(J)  # of age and weights
         event = Event(
             t=self._time(window, impulse),
             weights=impulse.weights,
-            t_std=math.sqrt(spread[0, 0]),
-            weights_std=np.sqrt(np.diag(spread)[1:]),
             doubts=() if impulse.cost <= limit else (MISFIT,),
         )
-        D, flow = self.run.D, expm(self.run.D * self.run.tau)
-        state = self.curve.value(impulse.age)[: self.gains.n]  # e^{D age} H
-        moves = np.column_stack([D @ state @ impulse.weights, state])
+        grid = self._grid(window, Weighted(R, T))
+        posterior = grid.posterior(event.t)
+        flow, gain = expm(self.run.D * self.run.tau), np.zeros_like(V.T)
         correction = np.zeros(self.gains.n)
         if self.gains.state_correction:
             gain = P @ V.T
             correction = gain @ (R - impulse.b @ impulse.weights)
             P = P - gain @ gain.T
-            moves = moves - flow @ gain @ J
-        after = flow @ P @ flow.T + moves @ spread @ moves.T
+        after, corrected = flow @ P @ flow.T, flow @ gain
+        if posterior is not None:
+            left = grid.left_by(event.t, event.weights, corrected)
+            after = after + posterior.error_covariance(corrected, left)
         return Decision(
-            event=event, correction=correction, covariance=(after + after.T) / 2,
-            cost=impulse.cost, freedom=freedom,
+            event=expected(event, posterior), fit=event, correction=correction,
+            covariance=(after + after.T) / 2, cost=impulse.cost, freedom=freedom,
         )  # fmt: skip
+
+    def _grid(self, window: Window, features: Weighted) -> OnsetGrid:
+        """Onsets in a window whose features have unit noise."""
+        return OnsetGrid(
+            run=self.run, times=window.t, features=features,
+            shown=self.run.onset_features(window.t, window.taps), youngest=self.gains.margin,
+            oldest=self.oldest, nonnegative=self.nonnegative,
+        )  # fmt: skip
+
+    def _plain_posterior(self, R: Matrix, window: Window, impulse: Impulse) -> Posterior | None:
+        """The posterior given what the plain norm makes of features: J^+ R, of unit noise.
+
+        J: of the smooth curve, which tells age from weights where those between two samples do not.
+        """
+        b = self.curve.value(impulse.age)
+        J = np.column_stack([(self.curve.F @ b)[self.curve.n :] @ impulse.weights,
+                             b[self.curve.n :]])  # fmt: skip
+        back, m = left_inverse(J), window.taps.shape[1]
+        parts = [window.spread[:, j, None] * (window.taps @ back[:, j * m : (j + 1) * m].T)
+                 for j in range(self.gains.p)]  # fmt: skip
+        root = np.asarray(np.linalg.qr(np.vstack(parts), mode="r"))
+        T = np.asarray(np.linalg.solve(root.T, back))
+        return self._grid(window, Weighted(T @ R, T)).posterior(self._time(window, impulse))
 
     def _time(self, window: Window, impulse: Impulse) -> float:
         return float(window.t[0]) + self.run.tau - impulse.age

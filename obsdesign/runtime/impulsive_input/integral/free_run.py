@@ -205,6 +205,10 @@ class FreeRun:
             kicks[a + 1 : b + 1] = np.eye(n) - maps.newer @ C
         return features @ kicks
 
+    def kick(self, h: float) -> Matrix:
+        """x - xhat (n, n) at a row, of unit states that appear just before it; h: of the cell."""
+        return np.asarray(np.eye(self.gains.n) - self._maps(h).newer @ self.gains.C)
+
     def _coasted(self, X: Matrix, times: Matrix, since: float, x: Matrix) -> Matrix:
         states = np.empty((len(times), len(x)))
         states[0] = expm(X * float(times[0] - since)) @ x

@@ -17,11 +17,15 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.gains import LARGEST
 from obsdesign.runtime.base import Estimate, status_of
-from obsdesign.runtime.impulsive_input.event import MISSING, OPEN, Event, with_event
+from obsdesign.runtime.impulsive_input.event import (
+    OPEN,
+    Event,
+    missing_sample,
+    with_event,
+)
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.live import AbsentRow, HeldInput, IntegralLive
-from obsdesign.runtime.time_stamps import time_tolerance
 
 _BEYOND = "beyond what floats can follow: samples are too far apart for A - K C"
 
@@ -160,13 +164,4 @@ class Rows:
         return Estimate(t, x=x, status="; ".join(reasons) or "ok")
 
     def _missing(self, first: float, t: float) -> tuple[str, ...]:
-        """Sentence of a row at t without measurement that lacks a sample; none between samples.
-
-        first: time of the record's first row, by which samples are due.
-        """
-        period = self.run.gains.period
-        if period is not None:
-            apart = abs(t - first - round((t - first) / period) * period)
-            if apart > time_tolerance(t - first, t):
-                return ()
-        return (MISSING,)
+        return missing_sample(self.run.gains.period, first, t)

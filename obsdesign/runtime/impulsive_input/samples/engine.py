@@ -25,7 +25,13 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate, status_of
-from obsdesign.runtime.impulsive_input.event import MISFIT, MISSING, OPEN, Event, with_event
+from obsdesign.runtime.impulsive_input.event import (
+    MISFIT,
+    OPEN,
+    Event,
+    missing_sample,
+    with_event,
+)
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.residuals import birge_ratio
 from obsdesign.runtime.impulsive_input.samples.filter import (
@@ -119,7 +125,11 @@ class SamplesEngine:
         factor = np.diag(self._guess(x, row)) if P is None else square_root(P)
         at = plant.start(initial.t, initial.x, factor, initial.u, row)
         return SampledLive(
-            rows=(at,), cells=Cells.empty(len(x)), steady=SteadyInputs.begin(at), level=level
+            rows=(at,),
+            cells=Cells.empty(len(x)),
+            steady=SteadyInputs.begin(at),
+            level=level,
+            first=row.t,
         )
 
     def _guess(self, x: Matrix, row: Row) -> Matrix:
@@ -151,7 +161,8 @@ class SamplesEngine:
 
     def _estimate(self, live: SampledLive, row: Row, x: Matrix, *, is_open: bool) -> Estimate:
         """The estimate of a row; is_open: a further sample could have changed it."""
-        reasons = [] if row.y is not None else [MISSING]
+        missing = missing_sample(self.gains.sample_period, live.first, row.t)
+        reasons = [] if row.y is not None else [*missing]
         reasons += live.history.doubt.doubts_at(row.t)
         reasons += [OPEN] if is_open else []
         return Estimate(row.t, x=x, status=status_of(reasons, x))

@@ -18,13 +18,15 @@ class SampledLive:
 
     cells: statistics of onsets from the rows after that start. before: the filter at rows of one
     period before it, empty right after a restart: where a refit may begin. steady: explanations of
-    the samples without impulses. level: largest |y| so far, () or (p,).
+    the samples without impulses. level: largest |y| so far, () or (p,). first: time of the first
+    row of the record, the phase of periodic samples.
     """
 
     rows: tuple[Filtered, ...]
     cells: Cells
     steady: SteadyInputs
     level: Matrix
+    first: float
     before: tuple[Filtered, ...] = ()
     history: History = field(default_factory=History)
 

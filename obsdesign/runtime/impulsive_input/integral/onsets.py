@@ -1,0 +1,181 @@
+"""Posterior over onsets of an impulse in a window, from its features as samples show them.
+
+Between two samples time and weight of an onset may leave nearly the same, or exactly the same
+where A H g stays in the span of H, while the next sample tells: a deviation linearised in the age
+is then any number. So the likelihood is summed over a grid of onsets, made finer while a few of
+them hold all of it, and wider while its ends still count. Weights have a flat prior.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Indices, Matrix
+from lmi.arithmetic.exponential import expm
+from obsdesign.runtime.impulsive_input.event import Event
+from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
+from obsdesign.runtime.impulsive_input.whitening import Weighted
+
+_POINTS = 80  # intervals of a grid of onsets
+_CELLS = 2.0  # cells between samples on each side of the fit, at first
+_REFINEMENTS = 12  # of the grid, tenfold each
+_MAX_NEIGHBOUR_PROBABILITY = 0.8  # probability of three neighbours from which a grid is too coarse
+_LEAST_SHARE = 1e-12  # of responses to several directions that a grid tells apart
+_EQUAL_TIMES = 1e-12  # of the window: times closer than this are one
+_NEGLECTED_RATIO = 40.0  # twice the log-likelihood by which the ends of a grid must be behind
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Onsets (G,) evenly spaced, likelihood ratios and probabilities (G,), weights (G, q).
+
+    roots (G, q, q): F of the covariance F F' of weights at an onset; states (G, n, q): what unit
+    weights leave of the error at the end of the window; b (G, r, q): in the features.
+    """
+
+    onsets: Matrix
+    ratio: Matrix
+    probability: Matrix
+    weights: Matrix
+    roots: Matrix
+    states: Matrix
+    b: Matrix
+
+    @property
+    def time(self) -> float:
+        """Mean of the onset."""
+        return float(self.probability @ self.onsets)
+
+    @property
+    def time_std(self) -> float:
+        """Deviation of the onset, with that of a cell of the grid."""
+        step = float(self.onsets[1] - self.onsets[0])
+        return math.sqrt(float(self.probability @ (self.onsets - self.time) ** 2) + step**2 / 12)
+
+    @property
+    def weight(self) -> Matrix:
+        """Mean of the weights, (q,)."""
+        return np.asarray(self.probability @ self.weights)
+
+    @property
+    def weight_std(self) -> Matrix:
+        """Deviations of the weights, (q,)."""
+        own = (self.roots**2).sum(axis=2)
+        return np.asarray(np.sqrt(self.probability @ ((self.weights - self.weight) ** 2 + own)))
+
+    def error_covariance(self, gain: Matrix, left: Matrix) -> Matrix:
+        """E[d d'], (n, n), of d = U g - left, U = states - gain b, at the end of the window.
+
+        gain (n, r): of the state correction, until then; left (n,): U g of the impulse added.
+        """
+        U = self.states - gain @ self.b
+        away = np.einsum("gnq,gq->gn", U, self.weights) - left
+        spread = np.concatenate([away[:, :, None], U @ self.roots], axis=2)
+        likely = spread * np.sqrt(self.probability)[:, None, None]
+        columns = likely.transpose(1, 0, 2).reshape(len(gain), -1)
+        return np.asarray(columns @ columns.T)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OnsetGrid:
+    """Onsets in a window: times (rows,), features and their map, M of `onset_features`.
+
+    youngest, oldest: ages that are searched.
+    """
+
+    run: FreeRun
+    times: Matrix
+    features: Weighted
+    shown: Matrix
+    youngest: float
+    oldest: float
+    nonnegative: bool
+
+    def posterior(self, onset: float) -> Posterior | None:
+        """The posterior around a fitted onset; None where no onset there explains anything."""
+        half = _CELLS * float(np.diff(self.times).max())
+        ends, end = self._searched(onset), self.times[0] + self.run.tau
+        ends = min(end - self.oldest, ends[0]), max(end - self.youngest, ends[1])
+        while True:
+            low, high = max(onset - half, ends[0]), min(onset + half, ends[1])
+            posterior = self._at(low, high)
+            if posterior is None:
+                return None
+            behind = posterior.ratio.max() - posterior.ratio > _NEGLECTED_RATIO
+            if (low <= ends[0] or behind[0]) and (high >= ends[1] or behind[-1]):
+                break
+            half *= 2
+        for _ in range(_REFINEMENTS):
+            top, onsets = int(np.argmax(posterior.probability)), posterior.onsets
+            if posterior.probability[max(top - 1, 0) : top + 2].sum() < _MAX_NEIGHBOUR_PROBABILITY:
+                break
+            low, high = onsets[max(top - 4, 0)], onsets[min(top + 4, len(onsets) - 1)]
+            finer = self._at(float(low), float(high))
+            if finer is None:
+                break
+            posterior = finer
+        return posterior
+
+    def left_by(self, onset: float, weights: Matrix, gain: Matrix) -> Matrix:
+        """(states - gain b) weights of one impulse, (n,)."""
+        b, states = self._responses(np.array([onset]))
+        return np.asarray((states[0] - gain @ b[0]) @ weights)
+
+    def _searched(self, onset: float) -> tuple[float, float]:
+        """Ends of the cell between samples that holds a fitted onset."""
+        c = self._cells(np.array([onset]))[0]
+        return float(self.times[c - 1]), float(self.times[c])
+
+    def _cells(self, onsets: Matrix) -> Indices:
+        """Row at which the samples first show each onset."""
+        rows = np.searchsorted(self.times, onsets - _EQUAL_TIMES * self.run.tau)
+        return np.clip(rows, 1, len(self.times) - 1)
+
+    def _responses(self, onsets: Matrix) -> tuple[Matrix, Matrix]:
+        """(b (G, r, q), states (G, n, q)) of impulses of weight 1."""
+        cells, run = self._cells(onsets), self.run
+        late = np.maximum(self.times[cells] - onsets, 0.0)
+        jumps = expm(run.gains.A * late[:, None, None]) @ run.gains.H
+        rows, place = np.unique(cells, return_inverse=True)
+        left = self.times[0] + run.tau - self.times[rows]
+        widths = self.times[rows] - self.times[rows - 1]
+        kicks = np.array([run.kick(float(width)) for width in widths])
+        flows = expm(run.D * left[:, None, None]) @ kicks
+        b = self.features.T @ self.shown[cells] @ jumps
+        return b, flows[place] @ jumps
+
+    def _at(self, low: float, high: float) -> Posterior | None:
+        """The posterior on an even grid."""
+        onsets = np.linspace(low, high, _POINTS + 1)
+        b, states = self._responses(onsets)
+        Q, root = np.linalg.qr(b)
+        size = np.abs(np.einsum("gqq->gq", root))
+        usable = size.min(axis=1) > _LEAST_SHARE * size.max(axis=1)
+        root[~usable] = np.eye(b.shape[2])
+        onto = np.einsum("grq,r->gq", Q, self.features.R)
+        weights = np.linalg.solve(root, onto[:, :, None])[:, :, 0]
+        if self.nonnegative:
+            usable &= (weights >= 0).all(axis=1)
+        if not usable.any():
+            return None
+        ratio = np.where(usable, (onto**2).sum(axis=1), 0.0)
+        with np.errstate(divide="ignore"):
+            log_p = np.where(usable, ratio / 2 - np.log(size).sum(axis=1), -math.inf)
+        p = np.exp(log_p - log_p.max())
+        return Posterior(
+            onsets=onsets, ratio=ratio, probability=p / p.sum(), weights=weights,
+            roots=np.linalg.inv(root), states=states, b=b,
+        )  # fmt: skip
+
+
+def expected(fit: Event, posterior: Posterior | None) -> Event:
+    """The fit with the means of time and weights, and their deviations."""
+    if posterior is None:
+        return fit
+    return replace(
+        fit, t=posterior.time, weights=posterior.weight, t_std=posterior.time_std,
+        weights_std=posterior.weight_std,
+    )  # fmt: skip

@@ -1,0 +1,85 @@
+"""Deviations of impulses where samples show only the interval of an onset, in every operator."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign.runtime import from_design
+from tests.systems.impulsive_input import record
+
+ONE = ([[-0.7]], [[1.0]], [[1.0]])
+FAST = ([[-0.7, 0.0], [1.0, -2.0]], [[0.0], [1.0]], [[1.0, 1.0]])  # H: the fast mode alone
+BESIDE = ([[-0.7, 0.0], [1.0, -2.0]], [[1.0], [0.0]], [[1.0, 1.0]])  # H is no eigenvector
+
+
+def plant(matrices: Any, noise: float, period: float, **options: Any) -> dict[str, Any]:
+    A, H, C = matrices
+    return {
+        "flow": {"A": A},
+        "jump": {"H": H, "dwell_time": [8, "inf"]},
+        "output": {"C": C, "noise_std": [noise], "measured": "periodic", "period": period},
+        "observer": {"kind": "impulsive_input", **options},
+    }
+
+
+def errors_of(body: dict[str, Any], count: int, seed: int = 0) -> tuple[np.ndarray, list[Any], str]:
+    """(errors of time and weight over their deviations (count, 2), events, operator)."""
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    rng, period = np.random.default_rng(seed), body["output"]["period"]
+    moments = np.cumsum(8 * (1.05 + rng.exponential(0.2, count)))
+    weights = rng.uniform(0.5, 2, count)
+    t = period * np.arange(round((moments[-1] + 12) / period))
+    A, H, C = (np.array(body[a][b]) for a, b in (("flow", "A"), ("jump", "H"), ("output", "C")))
+    y = record(A, H, list(zip(moments, weights, strict=True)), t, np.zeros(len(A))) @ C.T
+    y = y + body["output"]["noise_std"][0] * rng.standard_normal(y.shape)
+    events = from_design(design).run_batch(t, y, x=np.zeros(len(A))).events
+    nearest = [min(events, key=lambda e, at=at: abs(e.t - at)) for at in moments]
+    scores = [
+        ((e.t - at) / e.t_std, (e.weights[0] - g) / e.weights_std[0])
+        for e, at, g in zip(nearest, moments, weights, strict=True)
+    ]
+    return np.array(scores), nearest, design.gains["operator"]
+
+
+@pytest.mark.parametrize(
+    ("matrices", "noise", "options", "operator"),
+    [
+        (ONE, 0.01, {}, "samples"),
+        (FAST, 0.01, {"nonnegative": True}, "samples"),
+        (FAST, 0.01, {"operator": "integral"}, "integral"),
+        (ONE, 1e-4, {"weighting": "plain"}, "integral"),
+        (ONE, 1e-4, {"operator": "integral", "nonnegative": True}, "integral"),
+        (BESIDE, 0.01, {}, "samples"),
+        (BESIDE, 0.01, {"operator": "integral"}, "integral"),
+    ],
+)
+def test_errors_are_about_their_deviations(
+    matrices: Any, noise: float, options: Any, operator: str
+) -> None:
+    period = 0.25
+    scores, events, chosen = errors_of(plant(matrices, noise, period, **options), 20)
+    assert chosen == operator
+    assert {event.status for event in events} == {"ok"}
+    size = np.sqrt((scores**2).mean(axis=0))
+    assert (size > 0.7).all()
+    assert (size < 1.3).all()
+    deviation = np.median([event.t_std for event in events])
+    if matrices is BESIDE:  # time and weight are told apart between samples
+        assert deviation < 0.15 * period
+    else:
+        assert deviation == pytest.approx(period / math.sqrt(12), rel=0.03)
+
+
+def test_a_dwell_time_is_not_short_by_what_samples_do_not_show() -> None:
+    body = plant(ONE, 0.001, 0.5, operator="integral")
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    for onsets in ((9.49, 17.49, 25.49, 33.49), (9.49, 17.51, 25.51, 33.52)):
+        t = 0.5 * np.arange(100)
+        y = record(body["flow"]["A"], [[1.0]], [(at, 1.0) for at in onsets], t, [0])
+        events = from_design(design).run_batch(t, y, x=np.zeros(1)).events
+        assert [event.status for event in events] == ["ok"] * 4
