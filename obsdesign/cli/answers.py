@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.cli.talk import output_console
 from obsdesign.document import Claim, jsonable
-from obsdesign.pages.key_numbers import numbers_of
+from obsdesign.pages.key_numbers import numbers_of, state_table
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.kind import untried_forms
 from obsdesign.verification.answers import is_ended, more_time, reason
@@ -174,16 +174,12 @@ def _state_table(rows: Sequence[Entries]) -> Table:
     """Widths of each state, the numbers that a design is about."""
     from rich.table import Table
 
-    columns = {"strip": "sensor strip", "width": "certified width", "best": "least possible",
-               "ratio": "ratio"}  # fmt: skip
+    titles, *lines = state_table(rows)
     table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("state")
-    for title in columns.values():
-        table.add_column(title, justify="right", no_wrap=True)
-    for row in rows:
-        numbers = ["-" if row[key] is None else f"{row[key]:.4g}" for key in columns]
-        unit = "" if row["unit"] is None else f" [{row['unit']}]"
-        table.add_row(row["name"] + unit, *numbers)
+    for i, title in enumerate(titles):
+        table.add_column(title, justify="right" if i else "left", no_wrap=i > 0)
+    for line in lines:
+        table.add_row(*line)
     return table
 
 

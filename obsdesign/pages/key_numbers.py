@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -34,3 +34,15 @@ def _number(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float | np.number) else str(value)
+
+
+def state_table(rows: Sequence[Entries]) -> list[list[str]]:
+    """Widths of each state as text, the titles first; `StateWidths` has what they mean."""
+    titles = {"strip": "sensor strip", "width": "certified width", "best": "least possible",
+              "ratio": "ratio"}  # fmt: skip
+    table = [["state", *titles.values()]]
+    for row in rows:
+        unit = "" if row["unit"] is None else f" [{row['unit']}]"
+        numbers = ("-" if row[key] is None else f"{row[key]:.4g}" for key in titles)
+        table.append([row["name"] + unit, *numbers])
+    return table

@@ -20,7 +20,7 @@ from obsdesign.document import Claim, Design, jsonable
 from obsdesign.output_files import write_text
 from obsdesign.pages.curves import curve_of
 from obsdesign.pages.estimates import DataSource, design_beside, estimate_of, inline
-from obsdesign.pages.key_numbers import numbers_of
+from obsdesign.pages.key_numbers import numbers_of, state_table
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.compare import MOST_ROWS
 from obsdesign.verification.answers import reason
@@ -95,7 +95,7 @@ def page(
         withheld=[one.statement for one in outcome.guarantees if not one.given],
         warnings=outcome.warnings,
         estimate=estimate,
-        states=[_state_row(row) for row in outcome.result.get("states", ())],
+        states=state_table(outcome.result.get("states", ())),
         most_rows=MOST_ROWS,
         curve=_curve(replace(design, claims=outcome.claims)),
         claims=[_claim(claim) for claim in outcome.claims],
@@ -137,13 +137,6 @@ def _claim(claim: Claim) -> NewEntries:
         "why": "" if claim.verdict == "proved" else reason(claim),
         "numbers": list(numbers_of(claim.evidence)),
     }
-
-
-def _state_row(row: Entries) -> list[str]:
-    """Cells of a state in the table of widths."""
-    unit = "" if row["unit"] is None else f" [{row['unit']}]"
-    numbers = (row[key] for key in ("strip", "width", "best", "ratio"))
-    return [row["name"] + unit, *("–" if x is None else f"{x:.4g}" for x in numbers)]
 
 
 def _origin(design: Design) -> list[tuple[str, str]]:
