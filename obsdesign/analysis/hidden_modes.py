@@ -12,7 +12,6 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.balls import Exact, exact, row_echelon, surely_observable
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
-from obsdesign.analysis.balancing import balancing_units
 
 # A mode counts as unobservable when [A - s I; C] is this close to losing rank, relative to its size
 RANK_TOLERANCE = 1e-10
@@ -29,18 +28,16 @@ class Mode:
 def approx_unobservable_modes(A: Matrix, C: Matrix) -> list[Mode]:
     """Unobservable modes of A, (n, n), C, (p, n), in floats (Popov-Belevitch-Hautus).
 
-    Decided in units that balance the plant: those of x, y and time do not matter.
-    The least decaying mode comes first.
+    In the units of A and C; the least decaying mode comes first.
     """
-    sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
-    flow, rows = A * sizes / sizes[:, None] / pace, C * sizes
-    rows = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+    size = max(float(np.abs(A).max(initial=0.0)), 1e-300)
+    rows = C / max(float(np.abs(C).max(initial=0.0)), 1e-300)
     modes = []
-    for value in np.linalg.eigvals(flow):
-        pencil = np.vstack([flow - value * np.eye(len(A)), rows])
+    for value in np.linalg.eigvals(A):
+        pencil = np.vstack([(A - value * np.eye(len(A))) / size, rows])
         margin = float(np.linalg.svd(pencil, compute_uv=False)[-1])
         if margin < RANK_TOLERANCE:
-            modes.append(Mode(complex(value) * pace, margin))
+            modes.append(Mode(complex(value), margin))
     return sorted(modes, key=lambda mode: -mode.eigenvalue.real)
 
 

@@ -26,6 +26,12 @@ def riccati_shift(A: Matrix, C: Matrix, rate: float) -> float:
 
     Less than the rate where an unobservable mode does not decay so fast, which leaves no solution.
     """
-    hidden = [mode.eigenvalue.real for mode in approx_unobservable_modes(A, C)]
-    pace = balancing_units(A, C, np.zeros((len(A), 0)))[1]
-    return rate - max([0.0, *(value + rate + _MARGIN * (pace + abs(value)) for value in hidden)])
+    sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
+    rows = C * sizes
+    rows = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+    modes = approx_unobservable_modes(A * sizes / sizes[:, None] / pace, rows)
+    rates = [
+        mode.eigenvalue.real + rate / pace + _MARGIN * (1 + abs(mode.eigenvalue.real))
+        for mode in modes
+    ]
+    return rate - pace * max([0.0, *rates])

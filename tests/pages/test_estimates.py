@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.data.records import table_text
+from obsdesign.data.csv_text import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from obsdesign.pages.estimates import DataSource

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from obsdesign.cli.commands import cli
-from obsdesign.data.records import table_text
+from obsdesign.data.csv_text import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from obsdesign.pages.plotting.estimate import Comparison, plot_estimate

@@ -171,7 +171,7 @@ def test_many_stages_of_one_state_have_room_for_every_rounding() -> None:
     assert len(window) > 35
     rng = np.random.default_rng(3)
     rows = rng.normal(size=(24, 1))
-    mu = rng.normal(size=(24, len(window), 1)) * window.sampled[:, None]
+    mu = rng.normal(size=(24, len(window), 1)) * window.sampled
     upper = upper_bounds(window, Targets(rows / scales, np.full(24, len(window) - 1)), mu)
     for own, row, bound in zip(mu, rows, upper, strict=True):
         assert arb(float(bound)) >= _exact_value(plant, state, own, row)

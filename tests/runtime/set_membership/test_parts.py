@@ -15,7 +15,7 @@ from obsdesign.errors import InputError
 from obsdesign.runtime.boxes import stated_bounds
 from obsdesign.runtime.set_membership.evaluation import _residuals, upper_bounds
 from obsdesign.runtime.set_membership.model import observer_model
-from obsdesign.runtime.set_membership.observer import _unscaled
+from obsdesign.runtime.set_membership.model import unscaled
 from obsdesign.runtime.set_membership.series import _DEGREE, FlowSeries, _terms
 from obsdesign.runtime.set_membership.stages import Targets, Window, sampled_strip, window_of
 from obsdesign.runtime.set_membership.tables import Tables
@@ -76,7 +76,7 @@ def test_residuals_cover_the_rounding_of_the_walk(place: int) -> None:
     rng = np.random.default_rng(1)
     rows = rng.standard_normal((8, n))
     mu = rng.standard_normal((8, T, p)) * np.exp(3 * rng.standard_normal((8, T, p)))
-    mu *= stages.sampled[:, None]
+    mu *= stages.sampled
     P, Q = np.zeros((T + 1, 8, n)), np.zeros((T, 8, n))
     for k in reversed(range(T)):
         Q[k] = P[k + 1] + (rows if k == place else 0.0) - mu[:, k] @ stages.C
@@ -123,7 +123,7 @@ def test_units_are_exact_but_where_numbers_are_tiny() -> None:
     tiny = 5e-324
     box = np.array([[-1.5, 0.0, 3 * tiny, -tiny], [2.25, 0.0, 7 * tiny, tiny]])
     scales = np.array([8.0, 8.0, 4.0, 8.0])
-    lower, upper = _unscaled(box, scales)
+    lower, upper = unscaled(box, scales)
     assert lower[:2].tolist() == [-0.1875, 0.0]
     assert upper[:2].tolist() == [0.28125, 0.0]
     assert (exact(lower) <= exact(box[0]) / exact(scales)).all()

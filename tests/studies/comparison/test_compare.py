@@ -122,7 +122,8 @@ def test_a_wider_start_never_narrows_the_bounds() -> None:
         for initial in ([0, 2, 0, 2], [-5, 5, -5, 5])
     )
     assert narrow.keys() == wide.keys()
-    assert all(narrow[form] <= wide[form] for form in narrow)
+    # what forgets its start gives equal widths, but for rounding
+    assert all(narrow[form] <= wide[form] * (1 + 1e-12) for form in narrow)
 
 
 def test_infinite_bounds_leave_an_estimate() -> None:
