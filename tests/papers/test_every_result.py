@@ -1,11 +1,15 @@
-"""`docs/papers.md` has one line for every number of the five papers, each with a test that exists."""
+"""`docs/papers.md` has one line for every number of the papers, and commands that run."""
 
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
+
+from obsdesign.cli.commands import cli
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "papers.md").read_text(encoding="utf-8")
@@ -32,17 +36,36 @@ NUMBERS = {
         *equations(1, 16), *figures(5), "Assumption 2.1", "Theorem 2.2", "Definition 2.3",
         "Definition 2.4", "Definition 2.5", "Lemma 2.6", "Theorem 3.1", "Lemma 3.2",
     ],
-    "Mazenc": [*equations(1, 33), *figures(1), "Assumption 1", "Lemma 1", "Lemma 2", "Theorem 1"],
-    "Ahn": [*equations(1, 44), *figures(8), "Example 1", "Example 2", "Table 1", "Table 2"],
+    "Mazenc": [
+        *equations(1, 48), *figures(1), "Assumption 1", "Lemma 1", "Lemma 2", "Theorem 1",
+        "existence of T and L (before (2))", "sentence after (9)", "sentence after (20)",
+        "robust stability (introduction)", "accuracy (conclusion)",
+    ],
+    "Ahn": [
+        *equations(1, 44), *figures(8), "Example 1", "Example 2", "Table 1", "Table 2",
+        "(14) as a differentiator",
+    ],
     "Mattsson": [*equations(1, 19), *figures(6), "Proposition 3.1", "Proposition 3.2"],
 }  # fmt: skip
 
 
+def section(author: str) -> str:
+    return next(part for part in PAGE.split("\n## ") if part.startswith(author))
+
+
 def lines(author: str) -> list[list[str]]:
     """Cells of the table rows in an author's section."""
-    section = next(part for part in PAGE.split("\n## ") if part.startswith(author))
-    rows = [line for line in section.splitlines() if line.startswith("| ")]
+    rows = [line for line in section(author).splitlines() if line.startswith("| ")]
     return [re.split(r"(?<!\\)\| ", row.strip("| ")) for row in rows[1:]]
+
+
+def numbers(cell: str) -> list[str]:
+    """What a first cell names; (34)–(48) names fifteen equations."""
+    stated = []
+    for item in map(str.strip, cell.split(",")):
+        ends = re.fullmatch(r"\((\d+)\)–\((\d+)\)", item)
+        stated += equations(int(ends[1]), int(ends[2])) if ends else [item]
+    return stated
 
 
 TESTS = {
@@ -54,7 +77,7 @@ TESTS = {
 
 @pytest.mark.parametrize("author", NUMBERS)
 def test_every_number_of_a_paper_has_exactly_one_line(author: str) -> None:
-    stated = [item.strip() for row in lines(author) for item in row[0].split(",")]
+    stated = [item for row in lines(author) for item in numbers(row[0])]
     assert {
         number: stated.count(number) for number in NUMBERS[author] if stated.count(number) != 1
     } == {}
@@ -68,3 +91,22 @@ def test_every_line_has_a_status_and_tests_that_exist(author: str) -> None:
         assert names or status.strip() == "not built", item
         assert set(names) <= TESTS, item
         assert reason.strip(), item
+
+
+@pytest.mark.parametrize("author", NUMBERS)
+def test_the_commands_of_a_section_run(
+    author: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of scripts of figures and test files, which run elsewhere, that they exist."""
+    commands = re.findall(r"^\$ \.venv/bin/(.*)$", section(author), re.MULTILINE)
+    assert len(commands) >= 3
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    for program, *words in map(shlex.split, commands):
+        if program == "obsdesign":
+            done = CliRunner().invoke(cli, words)
+            assert done.exit_code == 0, (words, done.output)
+        elif words[1] == "pytest":
+            assert all((ROOT / word).exists() for word in words if word.endswith(".py")), words
+        else:
+            assert (ROOT / f"{words[1].replace('.', '/')}.py").exists(), words
