@@ -14,6 +14,7 @@ import obsdesign
 from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_above, middles
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled, injection
+from obsdesign.equations.finite_time import condition_13
 from obsdesign.workflow import NotProved
 from tests.papers.test_mazenc import PERIOD, A, C, K, L, T, problem, theorem_norms
 
@@ -158,10 +159,12 @@ def test_the_matrices_of_the_proof_are_below_their_bounds(k: int) -> None:
         assert bounds[0] / values["kappa"] == pytest.approx(14.6231, rel=1e-4)
 
 
-def test_19_bounds_mu() -> None:
-    """sup |mu| = 2.2500e-4 over a period, the bound 2.2585e-4."""
+def test_18_and_19_bound_kappa_and_mu() -> None:
+    """sup |mu| = 2.2500e-4 over a period, the bound 2.2585e-4; (18) is (20) with the former."""
     ages = np.linspace(0, PERIOD, 101)
     largest = max(norm(L @ C @ (expm(-A * age) - np.eye(2))) for age in ages)
     bound = norm(L @ C) * np.expm1(PERIOD * norm(A))
     assert largest == pytest.approx(2.249995e-4, rel=1e-6)
     assert largest < bound == pytest.approx(2.258459e-4, rel=1e-6)
+    assert TRUE["kappa"] < condition_13.sigma(T, norm(F), largest)
+    assert condition_13.sigma(T, norm(F), bound) == pytest.approx(0.0093857274, rel=1e-8)
