@@ -50,7 +50,7 @@ def test_every_snippet_of_a_page_runs_in_turn(
         if title:
             (tmp_path / title).write_text(text)
         elif language == "console":
-            lines = re.findall(r"^\$ (.*)$", text, flags=re.MULTILINE)
+            lines = re.findall(r"^\$ (?:\.venv/bin/)?(.*)$", text, flags=re.MULTILINE)
             assert lines
             run(tmp_path, ["bash", "-c", SHELL + "\n".join(lines)])
         elif language == "python":

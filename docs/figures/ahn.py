@@ -1,6 +1,6 @@
 """Figures 3 and 4 of Ahn: unknown inputs by block pulses and by a derivative block.
 
-python -m docs.figures.ahn [docs/ahn_differentiators.png]
+python -m docs.figures.ahn [FOLDER]        draws ahn_differentiators.png
 
 The alternatives of the paper are simulated as MATLAB's Simulink does: plant and observer by
 Runge-Kutta or Euler in steps of 0.1, and a block whose first output is 0, then backward
@@ -9,7 +9,6 @@ differences of y.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from matplotlib.figure import Figure
 
 import obsdesign
 from docs.figures import block_pulse
+from docs.figures.folder import chosen
 from obsdesign.runtime import from_design
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -106,7 +106,7 @@ def simulink_estimates(
     return of(exact), of(x_hat), of(d_hat)
 
 
-def draw(path: str) -> None:
+def draw(folder: Path) -> None:
     """Both components of d, as in Figures 3 and 4 of the paper."""
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     axes = figure.subplots(1, 2)
@@ -128,9 +128,10 @@ def draw(path: str) -> None:
     axes[1].legend(frameon=False, loc="lower right")
     figure.suptitle("Ahn, example 1: the first sample of the derivative block makes the difference",
                     fontsize=10)  # fmt: skip
+    path = folder / "ahn_differentiators.png"
     figure.savefig(path, dpi=120)
     print(f"written: {path}")
 
 
 if __name__ == "__main__":
-    draw(sys.argv[1] if len(sys.argv) > 1 else "ahn_differentiators.png")
+    draw(chosen())

@@ -8,7 +8,6 @@ The paper prints plants, gains, signals and jump times, but neither x(0) nor the
 from __future__ import annotations
 
 import itertools
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 import obsdesign
+from docs.figures.folder import chosen
 from obsdesign.runtime import from_design
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -64,7 +64,7 @@ def bounds(number: int) -> tuple[Any, Any, Any, Any]:
     return t, after, batch.lower, batch.upper
 
 
-def draw(number: int, path: Path) -> None:
+def draw_figure(number: int, path: Path) -> None:
     """Both states and their bounds."""
     t, x, lower, upper = bounds(number)
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
@@ -80,7 +80,10 @@ def draw(number: int, path: Path) -> None:
     print(f"written: {path}")
 
 
+def draw(folder: Path) -> None:
+    for number in FIGURES:
+        draw_figure(number, folder / f"degue_{number}.png")
+
+
 if __name__ == "__main__":
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
-    for figure_number in FIGURES:
-        draw(figure_number, folder / f"degue_{figure_number}.png")
+    draw(chosen())

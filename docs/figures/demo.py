@@ -6,12 +6,12 @@ python -m docs.figures.demo [FOLDER]        draws demo.png
 from __future__ import annotations
 
 import shutil
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from docs.figures.folder import chosen
 from obsdesign.cli.demo import run_demo
 from obsdesign.pages.plotting.estimate_record import Table
 
@@ -35,7 +35,7 @@ def numbers(folder: Path) -> tuple[float, float, float]:
     return float(ratios[0]), float(ratios[1]), float((own[:, 1] < 0.999 * STRIP).mean())
 
 
-def main(folder: Path) -> None:
+def draw(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         run_demo(Path(scratch))
         shutil.copy(Path(scratch, "bounds.png"), folder / "demo.png")
@@ -45,4 +45,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
+    draw(chosen())

@@ -7,12 +7,13 @@ exponents (5, 6), and with whitened features, which go beyond the paper.
 
 from __future__ import annotations
 
-import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.pulses_in_noise import GUESS, ROWS, STEP, TRAIN, VARIANCE, A, C, H, observer, truth
+from docs.figures.folder import chosen
 from lmi.arithmetic.exponential import expm, exponential_grid
 from obsdesign.equations.impulsive_input.features import filtered_system
 from obsdesign.pages.plotting.style import BLACK, BLUE, GREEN, GREY, VERMILION, picture
@@ -127,11 +128,10 @@ def with_noise(output: str) -> None:
         axes[2].set_xlabel("time")
 
 
-def main() -> None:
-    folder = sys.argv[1] if len(sys.argv) > 1 else "docs"
+def draw(folder: Path) -> None:
     without_noise(f"{folder}/mattsson.png")
     with_noise(f"{folder}/mattsson_noise.png")
 
 
 if __name__ == "__main__":
-    main()
+    draw(chosen())

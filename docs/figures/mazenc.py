@@ -1,11 +1,10 @@
 """The illustration of Mazenc and Ahmed: Fig. 1 beside exact estimates, and a table over the period.
 
-python docs/figures/mazenc.py [docs/mazenc.png]     draws the figure and prints the table
+python -m docs.figures.mazenc [FOLDER]       draws mazenc.png and prints the table
 """
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import obsdesign
+from docs.figures.folder import chosen
 from lmi.arithmetic.exponential import flow_integrals
 from obsdesign.runtime import from_design
 
@@ -62,16 +62,16 @@ def run(method: str, period: float) -> Run:
     return Run(t[full], states[full], batch.x[full], design.gains["window_gain"])
 
 
-def draw(output: str) -> None:
+def draw(folder: Path) -> None:
     runs = {method: run(method, 0.05) for method in METHODS}
     figure = Figure(figsize=(7.2, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     for method, label in METHODS.items():
-        run = runs[method]
-        above.step(run.t, run.estimate[:, 1], where="post", color=COLOURS[method],
+        one = runs[method]
+        above.step(one.t, one.estimate[:, 1], where="post", color=COLOURS[method],
                    ls=STYLES[method], lw=1.4, label=label)  # fmt: skip
-        error = np.maximum(np.linalg.norm(run.estimate - run.x, axis=1), 1e-17)
-        below.semilogy(run.t, error, color=COLOURS[method], lw=1.1)
+        error = np.maximum(np.linalg.norm(one.estimate - one.x, axis=1), 1e-17)
+        below.semilogy(one.t, error, color=COLOURS[method], lw=1.1)
     truth = runs["exact"]
     above.plot(truth.t, truth.x[:, 1], color="black", lw=0.9, label="$x_2$")
     above.set_ylabel("$x_2$")
@@ -79,9 +79,9 @@ def draw(output: str) -> None:
     inset = above.inset_axes((0.66, 0.47, 0.33, 0.45))
     near = (truth.t >= 12.0) & (truth.t <= 12.6)
     for method in METHODS:
-        run = runs[method]
-        held = run.estimate[near, 1]
-        inset.step(run.t[near], held, where="post", color=COLOURS[method],
+        one = runs[method]
+        held = one.estimate[near, 1]
+        inset.step(one.t[near], held, where="post", color=COLOURS[method],
                    ls=STYLES[method], lw=1.2)  # fmt: skip
     inset.plot(truth.t[near], truth.x[near, 1], color="black", lw=0.9)
     inset.set_title("held between samples", fontsize=8)
@@ -93,7 +93,7 @@ def draw(output: str) -> None:
     for axis in (above, below):
         axis.spines[["top", "right"]].set_visible(False)
         axis.grid(alpha=0.25, lw=0.5)
-    figure.savefig(output, dpi=160)
+    figure.savefig(folder / "mazenc.png", dpi=160)
 
 
 def table() -> None:
@@ -109,5 +109,5 @@ def table() -> None:
 
 
 if __name__ == "__main__":
-    draw(sys.argv[1] if len(sys.argv) > 1 else "docs/mazenc.png")
+    draw(chosen())
     table()

@@ -5,15 +5,15 @@ python -m docs.figures.set_membership [FOLDER]      draws crane_bounds.png
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
 import obsdesign
+from docs.figures.folder import chosen
+from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
-from obsdesign.data.records import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
 
@@ -37,4 +37,4 @@ def draw(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    draw(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
+    draw(chosen())

@@ -1,7 +1,7 @@
 """The cubic spline of Medina and Lawrence, section IV, as data for examples/medina_spline.toml.
 
-    python docs/figures/spline_data.py SPLINE.csv         the data
-    python docs/figures/spline_data.py FIGURE_1.png       the paper's Figure 1
+    python -m docs.figures.spline_data [FOLDER]         draws the paper's Figure 1, medina_1.png
+    python -m docs.figures.spline_data SPLINE.csv       writes the data
 
 The paper prints knots, jump inputs and the initial state, not the points behind them. A not-a-knot
 spline through the points below gives all of its numbers to the printed digits: the trapezoidal
@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
+from docs.figures.folder import chosen
 from obsdesign.data.csv_text import table_text
 from obsdesign.output_files import write_text
 
@@ -51,7 +50,7 @@ def trapezoid(t: np.ndarray) -> np.ndarray:
     return np.minimum(2.0, np.minimum(2 * t, 2 * (4 - t)))
 
 
-def draw(path: str) -> None:
+def draw(folder: Path) -> None:
     """Figure 1: the trapezoid, the spline and its knots."""
     from matplotlib.figure import Figure
 
@@ -64,9 +63,11 @@ def draw(path: str) -> None:
     axis.set(xlabel="t", ylabel="x1", xlim=(0, 4))
     axis.grid(alpha=0.25)
     axis.legend(frameon=False, loc="lower center")
-    figure.savefig(path, dpi=120)
+    figure.savefig(folder / "medina_1.png", dpi=120)
 
 
 if __name__ == "__main__":
-    target = sys.argv[1]
-    draw(target) if target.endswith(".png") else write_text(target, table_text(columns()))
+    if sys.argv[1:] and sys.argv[1].endswith(".csv"):
+        write_text(sys.argv[1], table_text(columns()))
+    else:
+        draw(chosen())

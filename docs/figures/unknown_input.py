@@ -1,4 +1,4 @@
-"""Pictures of the unknown-input examples: python -m docs.figures.unknown_input FOLDER
+"""Pictures of the unknown-input examples: python -m docs.figures.unknown_input [FOLDER]
 
 The paper's two examples (its figures 1-8: estimates of the states and of the unknown inputs) and an
 actuator fault of a quarter car on a shaker rig. Data and estimates go through the same files as the
@@ -7,13 +7,14 @@ command line's.
 
 from __future__ import annotations
 
-import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 import obsdesign
+from docs.figures.folder import chosen
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
@@ -47,11 +48,12 @@ def record(name: str, x0: list[float], d: Signal, u: Signal | None, h: float, un
 
 def picture(folder: Path, name: str, columns: dict, initial: list[float] | None) -> None:
     problem = obsdesign.load_problem(EXAMPLES / f"{name}.toml")
-    design, data, estimate = (folder / f"{name}{end}" for end in (".json", ".csv", "_est.csv"))
-    obsdesign.design(problem).save(design)
-    data.write_text(table_text(columns))
-    execute(str(design), str(data), str(estimate), initial, None)
-    plot_estimate(str(estimate), str(data), str(folder / f"{name}.png"))
+    with tempfile.TemporaryDirectory() as scratch:
+        design, data, estimate = (str(Path(scratch, file)) for file in ("d.json", "y.csv", "x.csv"))
+        obsdesign.design(problem).save(design)
+        Path(data).write_text(table_text(columns))
+        execute(design, data, estimate, initial, None)
+        plot_estimate(estimate, data, str(folder / f"{name}.png"))
     print(f"written: {folder / name}.png")
 
 
@@ -67,8 +69,7 @@ def fault(t: float) -> float:
     return 0.0 if t < 2 else 0.4 if t < 3 else 0.4 * max(0.0, 4 - t)
 
 
-def main() -> None:
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+def draw(folder: Path) -> None:
     columns = record("ahn_1", [-1, -1, 1], lambda _: [5.0, 3.0], None, 0.1, 10.0)
     picture(folder, "ahn_1", columns, [0.0] * 3)
     columns = record("ahn_2", [5, -3, 5], lambda _: [3.0], None, 0.1, 10.0)
@@ -81,4 +82,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    draw(chosen())

@@ -65,6 +65,45 @@ def test_example_2_matrices() -> None:
     np.testing.assert_allclose(g["Xy"], [[1, 0], [0, 0], [0, 0]], atol=1e-12)
 
 
+EXCHANGE = np.eye(3)[::-1]
+PRINTED_STEPS: dict[str, dict[str, Any]] = {  # (36), (37), (39) and (41), (42), (44)
+    "ahn_1": {
+        "T1": [[0, 1, 0], [0, 0, 1], [1, 0, 0]], "T2": np.roll(np.eye(4), 2, axis=1),
+        "L": [[1, 1]], "F": [[-4]], "H": [[0, -3]], "Q": [[2], [-1]], "R": [[2, 5], [0, 0]],
+        "out": [[0], [0]],
+    },
+    "ahn_2": {
+        "T1": EXCHANGE, "T2": EXCHANGE, "L": [[0, 5], [0, 1]], "F": [[-6, 0], [0, -1]],
+        "H": [[0, 5], [0, 1]], "Q": [[5, 1]], "R": [[1, -5]], "out": [[0, 0], [1, 0]],
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PRINTED_STEPS)
+def test_the_printed_T2_is_that_of_19_and_gives_the_printed_observer(name: str) -> None:
+    printed = {key: np.array(value, dtype=float) for key, value in PRINTED_STEPS[name].items()}
+    A, D, C, _ = plant(name, np.zeros(2 if name == "ahn_1" else 1))
+    (n, q), m, T1 = D.shape, len(C), printed["T1"]
+    r, inverse = n - q, np.linalg.inv(T1)
+    np.testing.assert_array_equal(inverse @ D, np.vstack([np.zeros((r, q)), np.eye(q)]))
+    A_T1 = inverse @ A @ T1
+    A11, A12, A21, A22 = A_T1[:r, :r], A_T1[:r, r:], A_T1[r:, :r], A_T1[r:, r:]
+    below = np.hstack([A21, np.zeros((q, q))])
+    rows = printed["T2"] @ np.hstack([np.vstack([C @ T1, below]), -np.eye(m + q)])
+    np.testing.assert_array_equal(rows[:, r:n], np.vstack([np.zeros((m, q)), np.eye(q)]))  # (19)
+    M1, M2, (N1, N2), (N3, N4) = (
+        rows[:m, :r], rows[m:, :r], np.split(rows[:m, n:], [m], 1), np.split(rows[m:, n:], [m], 1)
+    )  # fmt: skip
+    out, Z = M1 + N2 @ A21, M2 + N4 @ A21
+    F = A11 - A12 @ Z - printed["L"] @ out
+    H = -(A12 @ N3 + printed["L"] @ N1)
+    got = {"out": out, "F": F, "H": H, "Q": -Z @ F - A21 + A22 @ Z, "R": A22 @ N3 - Z @ H}
+    for key, value in got.items():
+        np.testing.assert_allclose(value, printed[key], atol=1e-14, err_msg=key)
+    # the first column of y~ is not seen: L = [1 1], and the first column of the other L, do nothing
+    assert not out[0].any()
+
+
 def test_the_printed_sign_of_44_contradicts_33() -> None:
     g = gains("ahn_2")
     A, D, C, _ = plant("ahn_2", np.zeros(1))

@@ -1,4 +1,4 @@
-"""`docs/papers.md` has one line for every number of the five papers, each with a test that exists."""
+"""`docs/papers.md` has one line for every number of the papers, and its commands exist."""
 
 from __future__ import annotations
 
@@ -32,17 +32,36 @@ NUMBERS = {
         *equations(1, 16), *figures(5), "Assumption 2.1", "Theorem 2.2", "Definition 2.3",
         "Definition 2.4", "Definition 2.5", "Lemma 2.6", "Theorem 3.1", "Lemma 3.2",
     ],
-    "Mazenc": [*equations(1, 33), *figures(1), "Assumption 1", "Lemma 1", "Lemma 2", "Theorem 1"],
-    "Ahn": [*equations(1, 44), *figures(8), "Example 1", "Example 2", "Table 1", "Table 2"],
+    "Mazenc": [
+        *equations(1, 48), *figures(1), "Assumption 1", "Lemma 1", "Lemma 2", "Theorem 1",
+        "existence of T and L (before (2))", "sentence after (9)", "sentence after (20)",
+        "robust stability (introduction)", "accuracy (conclusion)",
+    ],
+    "Ahn": [
+        *equations(1, 44), *figures(8), "Example 1", "Example 2", "Table 1", "Table 2",
+        "(14) as a differentiator",
+    ],
     "Mattsson": [*equations(1, 19), *figures(6), "Proposition 3.1", "Proposition 3.2"],
 }  # fmt: skip
 
 
+def section(author: str) -> str:
+    return next(part for part in PAGE.split("\n## ") if part.startswith(author))
+
+
 def lines(author: str) -> list[list[str]]:
     """Cells of the table rows in an author's section."""
-    section = next(part for part in PAGE.split("\n## ") if part.startswith(author))
-    rows = [line for line in section.splitlines() if line.startswith("| ")]
+    rows = [line for line in section(author).splitlines() if line.startswith("| ")]
     return [re.split(r"(?<!\\)\| ", row.strip("| ")) for row in rows[1:]]
+
+
+def numbers(cell: str) -> list[str]:
+    """What a first cell names; (34)–(48) names fifteen equations."""
+    stated = []
+    for item in map(str.strip, cell.split(",")):
+        ends = re.fullmatch(r"\((\d+)\)–\((\d+)\)", item)
+        stated += equations(int(ends[1]), int(ends[2])) if ends else [item]
+    return stated
 
 
 TESTS = {
@@ -54,7 +73,7 @@ TESTS = {
 
 @pytest.mark.parametrize("author", NUMBERS)
 def test_every_number_of_a_paper_has_exactly_one_line(author: str) -> None:
-    stated = [item.strip() for row in lines(author) for item in row[0].split(",")]
+    stated = [item for row in lines(author) for item in numbers(row[0])]
     assert {
         number: stated.count(number) for number in NUMBERS[author] if stated.count(number) != 1
     } == {}
@@ -68,3 +87,12 @@ def test_every_line_has_a_status_and_tests_that_exist(author: str) -> None:
         assert names or status.strip() == "not built", item
         assert set(names) <= TESTS, item
         assert reason.strip(), item
+
+
+@pytest.mark.parametrize("author", NUMBERS)
+def test_the_scripts_and_test_files_of_a_section_exist(author: str) -> None:
+    """`tests/test_figures.py` runs the scripts, `tests/test_site.py` the other commands."""
+    (script,) = re.findall(r"`\.venv/bin/python -m (docs\.[\w.]+)`", section(author))
+    (files,) = re.findall(r"`\.venv/bin/python -m pytest -q -n 0 ([\w./ ]+)`", section(author))
+    for name in (f"{script.replace('.', '/')}.py", *files.split()):
+        assert (ROOT / name).is_file(), name
