@@ -124,15 +124,22 @@ def _distance(
         used = end
         if step.sampled:
             loudest = _loudest(loudest, maps.C @ e, maps.V)
+            if not loudest.is_finite():
+                return 0.0
     bottom = -upper_ends(ball_column([-abs(e[i]) * 2 / loudest]))[0, 0]
     return float(bottom) if math.isfinite(bottom) and bottom > 0 else 0.0
 
 
 def _loudest(before: Ball, y: Array, V: Array) -> Ball:
-    """Upper end of the largest |y| in parts of the noise: by so much all is made smaller."""
+    """Upper end of the largest |y| in parts of the noise: by so much all is made smaller.
+
+    Not finite where an output without noise shows the trajectory.
+    """
     result = before
     for value, bound in zip(y, V, strict=True):
         if not abs(value) <= bound * result:
+            if not bound > 0:
+                return scalar(1) / 0
             result = scalar(abs(value) / bound).abs_upper()
     return result
 

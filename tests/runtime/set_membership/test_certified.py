@@ -174,7 +174,7 @@ def test_many_stages_of_one_state_have_room_for_every_rounding() -> None:
     mu = rng.normal(size=(24, len(window), 1)) * window.sampled
     upper = upper_bounds(window, Targets(rows / scales, np.full(24, len(window) - 1)), mu)
     for own, row, bound in zip(mu, rows, upper, strict=True):
-        assert arb(float(bound)) >= _exact_value(plant, state, own, row)
+        assert arb(float(bound)) >= _exact_value(plant, state.start / scales, state, own, row)
 
 
 @pytest.mark.parametrize("name", ["degue", "rand4_42", "ball"])

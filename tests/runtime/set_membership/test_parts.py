@@ -14,8 +14,7 @@ from lmi.arithmetic.enclosure import UNIT
 from obsdesign.errors import InputError
 from obsdesign.runtime.boxes import stated_bounds
 from obsdesign.runtime.set_membership.evaluation import _residuals, upper_bounds
-from obsdesign.runtime.set_membership.model import observer_model
-from obsdesign.runtime.set_membership.model import unscaled
+from obsdesign.runtime.set_membership.model import observer_model, unscaled
 from obsdesign.runtime.set_membership.series import _DEGREE, FlowSeries, _terms
 from obsdesign.runtime.set_membership.stages import Targets, Window, sampled_strip, window_of
 from obsdesign.runtime.set_membership.tables import Tables

@@ -204,6 +204,38 @@ TINY: dict[str, Any] = {
 }
 
 
+@pytest.mark.parametrize("noise", [[0.0, 1.0], [1.0, 0.0], [0.0, 0.0], [0.3, 1.0]])
+def test_what_no_observer_can_guarantee_is_never_above_what_one_does(noise: list[float]) -> None:
+    """Also where an output without noise stands before or after another one."""
+    body = {
+        "flow": {"A": [[0, 1], [0, 0]], "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}},
+        "output": {
+            "C": [[1, 0], [0, 1]], "noise_bound": noise, "measured": "periodic", "period": 0.25,
+        },
+        "observer": {"kind": "set_membership"},
+    }  # fmt: skip
+    states = obsdesign.investigate(obsdesign.Problem.from_dict(body)).result["states"]
+    for row in states:
+        assert row["best"] is None or row["best"] <= row["width"]
+    if noise == [0.3, 1.0]:
+        assert all(row["best"] > 0 for row in states)
+
+
+def test_one_state_without_noise_is_known_after_every_sample() -> None:
+    body = {
+        "flow": {"A": [[0.3]], "disturbance": {"lower": [-0.1], "upper": [0.1]}},
+        "jump": {"G": [[0.7]], "dwell_time": [2, 6]},
+        "output": {
+            "C": [[0.88]], "noise_bound": [0.0], "measured": "periodic", "period": 1.0,
+            "jump_measurement": "after",
+        },
+        "observer": {"kind": "set_membership"},
+    }  # fmt: skip
+    (row,) = obsdesign.investigate(obsdesign.Problem.from_dict(body)).result["states"]
+    assert row["width"] < 1e-6
+    assert not row["best"]
+
+
 @pytest.mark.parametrize("noise", [1e-9, 1e-12, 1e-14])
 def test_noise_far_below_the_disturbances_keeps_both_widths(noise: float) -> None:
     """A measured state is known to its strip, the other one as without noise."""
