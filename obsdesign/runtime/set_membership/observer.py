@@ -136,7 +136,10 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         strip = sampled_strip(measured, *self.declared_bounds.v.completed(None))
         with np.errstate(over="ignore", invalid="ignore"):
             changed = with_late_strip(self._bounder, tape, now, strip)
-            row = self._bounded(tape if changed is None else changed, tape.box)
+            if tape.stages:
+                row = self._bounded(tape if changed is None else changed, tape.box)
+            else:  # nothing has come since the tape began
+                row = self._restarted(tape.box, None)
         reasons = [] if row.fault is None else [row.fault]
         if changed is None:
             reasons.append(f"late sample at {now:.9g} is older than the window")
@@ -193,7 +196,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             return self._restarted(free, bounded.sentence)
         return _Row(*bounded, None)
 
-    def _restarted(self, box: Matrix, fault: str) -> _Row:
+    def _restarted(self, box: Matrix, fault: str | None) -> _Row:
         """A tape that begins anew: nothing before a contradiction is used after it."""
         tape = Tape.beginning(box)
         nothing = np.full((2, self.n), np.nan)

@@ -166,3 +166,18 @@ def test_outputs_that_are_missing_drop_their_strip_alone() -> None:
     assert partly[2] == "ok"
     assert (second[8:].mean(axis=0) < without[8:].mean(axis=0)).all()
     assert (second[8:].mean(axis=0) > whole[8:].mean(axis=0)).all()
+
+
+def test_a_late_sample_from_before_a_reset_changes_no_bound() -> None:
+    case = CASES["rand4_42"]
+    record = case.record()
+    observer = observer_of(case, 8)
+    state, _ = _stepped(observer, case, list(record.samples[:12]))
+    state = observer.reset(state, lower=case.x0[0], upper=case.x0[1])
+    sample = record.samples[8]
+    assert sample.y is not None
+    state, estimate = observer.late(state, sample.t, sample.y)
+    assert estimate.status == f"late sample at {sample.t:.9g} is older than the window"
+    np.testing.assert_allclose([estimate.lower, estimate.upper], case.x0)
+    state, estimate = observer.step(state, record.samples[12])
+    assert estimate.status == "ok"
