@@ -190,13 +190,13 @@ def test_a_state_that_no_window_showed_is_undecided() -> None:
     assert verdict(cascade(10, operator="integral")) == "undecided"
 
 
-def test_where_samples_show_no_onset_integrals_are_tried() -> None:
+def test_where_samples_show_the_interval_of_an_onset_alone_they_are_taken() -> None:
     one = cascade(1, period=0.2, dwell=2.0)
     design = obsdesign.design(obsdesign.Problem.from_dict(one))
-    assert design.gains["operator"] == "integral"
+    assert design.gains["operator"] == "samples"
     assert verdict(changed(one, observer__operator="integral")) == "proved"
-    # the twin: asked for, samples are refuted, whatever their window
-    assert verdict(changed(one, observer__operator="samples")) == "refuted"
+    # the twin: no two samples between impulses
+    assert verdict(cascade(1, period=0.2, dwell=0.3)) != "proved"
 
 
 def test_a_dwell_time_that_holds_no_window_is_refuted() -> None:

@@ -19,6 +19,7 @@ from obsdesign.runtime.impulsive_input.history import History, short_dwell
 from obsdesign.runtime.impulsive_input.integral import covariance, recursions
 from obsdesign.runtime.impulsive_input.integral.addition import compared
 from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
+from obsdesign.runtime.impulsive_input.integral.evaluate import Decision
 from obsdesign.runtime.impulsive_input.integral.search import Rule, Search, smoothed
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine, _event
 from obsdesign.runtime.impulsive_input.samples.filter import square_root, triangular
@@ -281,8 +282,9 @@ def test_a_residual_that_noise_does_not_explain_is_a_misfit(
     window: Any = SimpleNamespace(
         t=np.arange(50.0), error=error, spread=np.full((rows, 1), sigma if noisy else 0.0)
     )
-    event = compared(none, Event(t=0.0, weights=np.ones(1), t_std=None, weights_std=None), window)
-    assert bool(event.doubts) is doubted
+    event = Event(t=0.0, weights=np.ones(1), t_std=None, weights_std=None)
+    decision = Decision(event=event, fit=event, correction=np.zeros(2))
+    assert bool(compared(none, decision, window).doubts) is doubted
 
 
 def test_a_row_that_all_but_ends_a_window_is_its_last_one() -> None:

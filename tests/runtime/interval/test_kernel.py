@@ -10,7 +10,6 @@ import pytest
 
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.model import Model, completed, exactly
-from obsdesign.runtime.interval.side_by_side import _bounds
 
 
 @pytest.mark.parametrize(
@@ -60,14 +59,3 @@ def test_the_middle_of_the_noise_is_taken_from_every_measurement() -> None:
     assert (column.mid[:, :2] == known[:, :2]).all()
     own.y_mid = np.zeros(1)
     assert (Model.less_middle(own, exactly(known), exactly(K)).mid == known).all()
-
-
-@pytest.mark.parametrize("S", [None, np.array([[1.0, 2.0], [0.0, -3.0]])])
-def test_bounds_of_many_plants_are_outward_and_no_wider_than_rounding(S: Any) -> None:
-    rng = np.random.default_rng(9)
-    centre, radius = 1e6 * rng.standard_normal((2, 50)), rng.random((2, 50))
-    lower, upper = _bounds(S, centre, radius)
-    middle, reach = (centre, radius) if S is None else (S @ centre, np.abs(S) @ radius)
-    assert (lower <= middle - reach).all()
-    assert (middle + reach <= upper).all()
-    assert (upper - lower <= 2 * reach + 1e-7).all()  # centres of 1e7, some twenty roundings
