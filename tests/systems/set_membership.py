@@ -18,7 +18,11 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime.base import Sample
+from obsdesign.runtime.set_membership.model import observer_model
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
+from obsdesign.runtime.set_membership.stages import Window, window_of
+from obsdesign.runtime.set_membership.state import SetMembershipState
+from obsdesign.runtime.set_membership.tables import Tables
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -217,3 +221,15 @@ def bounds_of(observer: SetMembershipObserver, case: Case, samples: Iterable[Sam
     """Bounds after every row, (rows, 2, n)."""
     state = observer.init(0.0, lower=case.x0[0], upper=case.x0[1])
     return np.array([[e.lower, e.upper] for e in observer.run(state, samples)])
+
+
+def window_after(case: Case, rows: int) -> tuple[Window, SetMembershipState, Matrix]:
+    """The window of the first rows of a record, the state after them, and its scales."""
+    observer = observer_of(case, 40)
+    state = observer.init(0.0, lower=case.x0[0], upper=case.x0[1])
+    for sample in case.record().samples[:rows]:
+        state, _ = observer.step(state, sample)
+    model = observer_model(observer.gains)
+    size = np.abs(state.box).max(axis=0)
+    window = window_of(model, Tables(model), state.start, state.stages, size)
+    return window, state, model.scales

@@ -18,7 +18,7 @@ from obsdesign.runtime.set_membership.stages import Targets, Window, sampled_str
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from tests.systems.feasible_set import Program
-from tests.systems.set_membership import Case, cases, observer_of, random_case
+from tests.systems.set_membership import Case, cases, observer_of, random_case, window_after
 
 BITS = 170  # more than 50 decimal digits
 
@@ -125,18 +125,6 @@ def test_the_support_function_is_never_below_the_integral_and_near_it(h: float) 
         assert float(bound) <= (1.01 if h < 1 else 1.05) * float(below)
 
 
-def _window(case: Case, rows: int) -> tuple[Window, SetMembershipState, Matrix]:
-    """The window of the first rows of a record, the state after them, and its scales."""
-    observer = observer_of(case, 40)
-    state = observer.init(0.0, lower=case.x0[0], upper=case.x0[1])
-    for sample in case.record().samples[:rows]:
-        state, _ = observer.step(state, sample)
-    model = observer_model(observer.gains)
-    size = np.abs(state.box).max(axis=0)
-    window = window_of(model, Tables(model), state.start, state.stages, size)
-    return window, state, model.scales
-
-
 def _exact_value(
     case: Case, start: Matrix, state: SetMembershipState, mu: Matrix, row: Matrix
 ) -> arb:
@@ -167,7 +155,7 @@ def test_many_stages_of_one_state_have_room_for_every_rounding() -> None:
         "one", np.array([[-0.1]]), np.array([[1e-6]]), np.eye(1), np.array([[-1.0], [1.0]]),
         np.array([[0.1], [0.0]]), np.zeros((2, 1)), np.full(1, 1.0), (0.05, 0.15, 60),
     )  # fmt: skip
-    window, state, scales = _window(plant, 38)
+    window, state, scales = window_after(plant, 38)
     assert len(window) > 35
     rng = np.random.default_rng(3)
     rows = rng.normal(size=(24, 1))
@@ -183,7 +171,7 @@ def test_rounding_never_lowers_a_bound_and_hardly_raises_it(name: str) -> None:
     case = cases()[name]
     n = case.n
     case = replace(case, b=case.b * [[1.0], [0.0]], c=case.c * [[1.0], [0.0]], missing=0.0)
-    window, state, scales = _window(case, 14)
+    window, state, scales = window_after(case, 14)
     rng = np.random.default_rng(3)
     B = 24
     rows = rng.normal(size=(B, n)) * np.exp(2 * rng.normal(size=(B, n)))
@@ -206,7 +194,7 @@ def test_no_multipliers_give_less_than_the_linear_program() -> None:
             program.add(sample)
         inside = program.bounds().inside
         assert inside is not None
-        window, _, scales = _window(case, 12)
+        window, _, scales = window_after(case, 12)
         rng, n = np.random.default_rng(5), case.n
         rows = np.repeat(np.vstack([-np.eye(n), np.eye(n)]), 200, axis=0)
         shape = (len(rows), len(window), len(case.C))

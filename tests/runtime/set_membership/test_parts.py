@@ -16,22 +16,10 @@ from obsdesign.runtime.boxes import stated_bounds
 from obsdesign.runtime.set_membership.evaluation import _residuals, upper_bounds
 from obsdesign.runtime.set_membership.model import observer_model, unscaled
 from obsdesign.runtime.set_membership.series import _DEGREE, FlowSeries, _terms
-from obsdesign.runtime.set_membership.stages import Targets, Window, sampled_strip, window_of
-from obsdesign.runtime.set_membership.tables import Tables
-from tests.systems.set_membership import cases, observer_of
+from obsdesign.runtime.set_membership.stages import Targets, sampled_strip
+from tests.systems.set_membership import cases, observer_of, window_after
 
 CRANE = cases()["crane"]
-
-
-def window(rows: int) -> Window:
-    """The window of the first rows of the crane's record."""
-    observer = observer_of(CRANE, 40)
-    state = observer.init(0.0, lower=CRANE.x0[0], upper=CRANE.x0[1])
-    for sample in CRANE.record().samples[:rows]:
-        state, _ = observer.step(state, sample)
-    model = observer_model(observer.gains)
-    size = np.abs(state.box).max(axis=0)
-    return window_of(model, Tables(model), state.start, state.stages, size)
 
 
 def exact(values: Matrix) -> Matrix:
@@ -53,7 +41,7 @@ def test_names_and_estimates_have_what_is_stated(directions: int, lag: int | Non
 
 def test_a_bound_of_the_state_before_the_window_is_that_of_its_box() -> None:
     """No multipliers: the largest l'z in the box before the oldest stage."""
-    stages = window(6)
+    stages = window_after(CRANE, 6)[0]
     rows = np.random.default_rng(0).standard_normal((20, 4))
     upper = upper_bounds(
         stages, Targets(rows, np.full(20, -1)), np.zeros((20, len(stages), len(CRANE.C)))
@@ -68,7 +56,7 @@ def test_a_bound_of_the_state_before_the_window_is_that_of_its_box() -> None:
 @pytest.mark.parametrize("place", [-1, 2, 5])
 def test_residuals_cover_the_rounding_of_the_walk(place: int) -> None:
     """Stages that do not flow: what is left are the roundings of samples and of the target."""
-    stages = window(6)
+    stages = window_after(CRANE, 6)[0]
     T, n, p = len(stages), 4, len(CRANE.C)
     still = np.broadcast_to(np.eye(n), (T, n, n))
     stages = replace(stages, Phi=still, phi_error=np.zeros((T, n, n)))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import ball, exact, precision
 from lmi.arithmetic.exponential import expm
 from lmi.prove import exponential_sign as signs
@@ -37,17 +38,23 @@ def middle(age: Any) -> float:
     return float(np.mean(age))
 
 
+def random_plant(rng: np.random.Generator) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """D, C, H and three exponents; with three states a pair of complex modes."""
+    n = int(rng.integers(2, 4))
+    D = np.diag(-rng.uniform(0.2, 2, n))
+    if n == 3:
+        D[:2, :2] = [[-0.2, 2.0], [-2.0, -0.2]]
+    C, H = rng.standard_normal((1, n)), rng.standard_normal((n, 1))
+    return D, C, H, -np.cumsum(rng.uniform(0.3, 1.0, 3))
+
+
 @pytest.mark.parametrize("seed", [0, 2, 3])
 def test_three_features_of_random_plants(seed: int) -> None:
     rng = np.random.default_rng(seed)
     refuted = 0
     for _ in range(4):
-        n = int(rng.integers(2, 4))
-        D = np.diag(-rng.uniform(0.2, 2, n))
-        if n == 3:  # a pair of complex modes
-            D[:2, :2] = [[-0.2, 2.0], [-2.0, -0.2]]
-        C, H = rng.standard_normal((1, n)), rng.standard_normal((n, 1))
-        exponents, window, margin = -np.cumsum(rng.uniform(0.3, 1.0, 3)), 5.0, 0.2
+        D, C, H, exponents = random_plant(rng)
+        window, margin = 5.0, 0.2
         verdict = decided(D, C, H, exponents, window, margin)
         if verdict.outcome != "refuted":
             continue
@@ -64,12 +71,8 @@ def test_three_features_of_random_plants(seed: int) -> None:
 @pytest.mark.parametrize("seed", [193, 0, 2])
 def test_a_coarse_grid_leads_to_the_same_two_ages_as_a_fine_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    n = int(rng.integers(2, 4))
-    D = np.diag(-rng.uniform(0.2, 2, n))
-    if n == 3:  # a pair of complex modes
-        D[:2, :2] = [[-0.2, 2.0], [-2.0, -0.2]]
-    C, H = rng.standard_normal((1, n)), rng.standard_normal((n, 1))
-    exponents, tau, margin = -np.cumsum(rng.uniform(0.3, 1.0, 3)), 5.0, 0.2
+    D, C, H, exponents = random_plant(rng)
+    n, tau, margin = len(D), 5.0, 0.2
     F = filtered_system(exact(D), exact(C), exact(exponents))
     pairs = []
     for cells in (200, 40):
