@@ -190,7 +190,7 @@ class _Placement:
         starts = [np.zeros((len(self.A), len(self.C)))]
         if len(self.C) > 1:
             unit = self.sizes[:, None] * self.pace / self.rows
-            robust = None if self.hidden else _robust_gain(*self.balanced, wanted / self.pace)
+            robust = None if self.hidden else robust_gain(*self.balanced, wanted / self.pace)
             if robust is not None:
                 starts.insert(0, robust * unit)
                 yield starts[0], ROUNDING
@@ -284,15 +284,19 @@ def _rounded(column: Exact, sizes: Matrix, usual: float) -> Matrix | None:
     return np.array(middles, dtype=np.float64)[:, None]
 
 
-def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix | None:
-    """Gain of a method that wants independent outputs, and no pole more often; None elsewhere."""
-    from scipy.signal import place_poles
+def robust_gain(
+    A: Matrix, C: Matrix, poles: NDArray[np.inexact], rtol: float = 1e-3
+) -> Matrix | None:
+    """L (n, p) with A - L C of about these poles, robust to changes of A and C; None elsewhere.
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # less robust than hoped for: the claim `poles` decides
-            placed = place_poles(A.T, C.T, poles)
-    except ValueError:
-        return None
-    L = np.asarray(placed.gain_matrix.T, dtype=np.float64)
-    return L if np.isfinite(L).all() else None
+    The method wants independent outputs, and no pole more often than there are outputs.
+    """
+    from scipy.signal import place_poles  # slow to import, and rarely needed
+
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")  # of poles that are missed: who needs them exactly looks
+        try:
+            L: Matrix = place_poles(A.T, C.T, poles, rtol=rtol).gain_matrix.T
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+    return np.asarray(L, dtype=np.float64) if np.isfinite(L).all() else None

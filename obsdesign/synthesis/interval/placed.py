@@ -10,7 +10,6 @@ Poles: J. Kautsky, N. K. Nichols, P. Van Dooren, Int. J. Control 41 (1985), as i
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -24,6 +23,7 @@ from obsdesign.problem.options import IntervalOptions
 from obsdesign.synthesis.interval.coordinates import CoordinateChoice, eigenbasis
 from obsdesign.synthesis.interval.goals import mean_width
 from obsdesign.synthesis.interval.task import GainSearch, Task
+from obsdesign.synthesis.placement import robust_gain
 
 # with fewer states the searches over forms are quick
 FEWEST_STATES = 8
@@ -44,7 +44,7 @@ def placed_choice(search: GainSearch) -> CoordinateChoice | None:
     for poles in _pole_sets(A) if _is_open(search) else ():
         if search.budget.remaining() < 0:
             break
-        L = _placed(A, C, poles)
+        L = robust_gain(A, C, poles, rtol=1e-2)
         S = None if L is None else eigenbasis(A - L @ C)
         if L is None or S is None:
             continue
@@ -78,19 +78,6 @@ def _pole_sets(A: Matrix) -> Iterator[Matrix]:
     yield -np.geomspace(0.25 * rate, 2.5 * rate, n)
     yield -np.linspace(0.15 * rate, 1.5 * rate, n)
     yield -np.linspace(rate, 6.0 * rate, n)
-
-
-def _placed(A: Matrix, C: Matrix, poles: Matrix) -> Matrix | None:
-    """L, (n, p), with A - L C of about these poles; None where they cannot be placed."""
-    from scipy.signal import place_poles  # slow to import, and rarely needed
-
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")  # of poles that are missed: they need not be exact
-        try:
-            L: Matrix = place_poles(A.T, C.T, poles, rtol=1e-2).gain_matrix.T
-        except (ValueError, np.linalg.LinAlgError):
-            return None
-    return L if np.isfinite(L).all() else None
 
 
 def _jump_gain(task: Task, L: Matrix) -> Matrix | None:
