@@ -19,6 +19,7 @@ from lmi.arithmetic.units import reachable
 _DEGREE = 16
 _LARGEST_ARGUMENT = 0.5
 _MOST_DOUBLINGS = 60
+_ORDERS = np.arange(1.0, _DEGREE + 2)
 
 
 @dataclass(frozen=True)
@@ -111,25 +112,20 @@ class FlowSeries:
     ) -> tuple[Enclosure, Enclosure]:
         """The sums of the series for ||A|| t <= 1/2, with their remainder."""
         n, mids, size, errors = len(self.A), *table
-        low, high = np.full(_DEGREE + 2, t), np.full(_DEGREE + 2, t + error)
-        low[0] = high[0] = 1.0
-        low, high = np.cumprod(low), np.cumprod(high)
-        order = np.arange(1, _DEGREE + 2)
+        powers = np.full((2, _DEGREE + 2), [[t], [t + error]])
+        powers[:, 0] = 1.0
+        powers = np.cumprod(powers, axis=1)
         # coefficients t^k of the exponential, t^(k+1) / (k+1) of its integral
-        c = np.stack([low[:-1], low[1:] / order])
-        top = np.stack([high[:-1], high[1:] / order])
-        slack = (top - c) + 8 * (_DEGREE + 2) * UNIT * top
-        rad = raised(top @ errors + slack @ size, 4 * _DEGREE)
+        least, most = np.stack([powers[:, :-1], powers[:, 1:] / _ORDERS], axis=1)
+        slack = (most - least) + 8 * (_DEGREE + 2) * UNIT * most
         # the tail of a series is at most twice its first term, as norm * t <= 1/2
         first = (self.norm * (t + error)) ** (_DEGREE + 1) / math.factorial(_DEGREE + 1)
-        tail = np.where(self._pattern, 2.1 * first, 0.0).reshape(-1)
-        rad = rad + np.stack([tail, tail * (t + error)])
-        mid = c @ mids
+        tail = 2.1 * first * np.array([[1.0], [t + error]])
+        rad = raised(most @ errors + slack @ size, 4 * _DEGREE) + tail
         rad = np.where(self._pattern.reshape(-1), raised(rad, 4), 0.0)
-        Phi, integral = (
-            Enclosure(m.reshape(n, n), r.reshape(n, n)) for m, r in zip(mid, rad, strict=True)
-        )
-        return Phi, integral
+        mid = (least @ mids).reshape(2, n, n)
+        rad = rad.reshape(2, n, n)
+        return Enclosure(mid[0], rad[0]), Enclosure(mid[1], rad[1])
 
 
 def _terms(A: Matrix) -> tuple[Matrix, Matrix, Matrix]:
