@@ -16,9 +16,10 @@ from scipy.optimize import linprog
 
 import obsdesign
 from docs.figures import degue as degue_figures
+from lmi.arithmetic.balls import exact
 from lmi.decide.stability import decide
 from lmi.prove.common_matrix import prove_common
-from lmi.prove.hurwitz import prove_hurwitz
+from lmi.prove.hurwitz import exactly_schur, prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem, periodic_width
@@ -323,6 +324,23 @@ def test_a_metzler_matrix_decays_where_the_linear_program_has_a_solution(n: int)
         assert verdict == ("proved" if solution.status == 0 else "refuted")
         answers.append(verdict)
     assert set(answers) == {"proved", "refuted"}
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+@pytest.mark.parametrize("modulus", [0.3, 0.99, 1.01])
+def test_lemma_2_by_positive_vectors(n: int, modulus: float) -> None:
+    """P = diag(l / v) with v = (I - H)^-1 1 and l' = 1' (I - H)^-1; none where H is not Schur."""
+    H = np.random.default_rng(n).random((n, n))
+    H *= modulus / max(abs(np.linalg.eigvals(H)))
+    right, left = (np.linalg.solve(np.eye(n) - X, np.ones(n)) for X in (H, H.T))
+    if modulus > 1:
+        assert min(right.min(), left.min()) < 0
+        assert not exactly_schur(exact(H))
+        return
+    P = np.diag(left / right)
+    assert P.diagonal().min() > 0
+    assert np.linalg.eigvalsh(H.T @ P @ H - P).max() < 0
+    assert exactly_schur(exact(H))
 
 
 # --- Example 4.3 ------------------------------------------------------------------------------

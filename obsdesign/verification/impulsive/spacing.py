@@ -41,16 +41,15 @@ def shortest_spacing(problem: Problem) -> Claim:
     """Claim that the shortest spacing is positive, or may be 0.
 
     A range that begins at 0 is compact as well: Theorem 3.1 needs no more of it than rank at
-    spacing 0. No gain serves where measurements that follow each other at once miss a mode that
-    does not decay.
+    spacing 0. No gain serves where (G, C) is not detectable.
     """
     low = problem.require_dwell_time()[0]
     if low > 0:
         statement, verdict = "the time between impulses has a positive lower bound", proved()
     else:
         statement = (
-            "impulses may follow each other at once: at spacing 0 C misses no mode of G of modulus "
-            f"1 or more (residuals below {MARGIN:g} of their terms)"
+            "impulses may follow each other at once, and (G, C) is detectable: C misses no mode of "
+            f"G of modulus 1 or more (residuals below {MARGIN:g} of their terms)"
         )
         verdict = _at_once(problem)
     verdict = Verdict(verdict.outcome, {**verdict.evidence, "shortest": low})
