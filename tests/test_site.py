@@ -25,6 +25,9 @@ obsdesign() {
     "$PYTHON" -c 'from obsdesign.cli.main import main; main()' "$@"
     case $? in 0|1|3) ;; *) exit 9 ;; esac
 }
+python() {
+    "$PYTHON" "$@" || exit 9
+}
 """
 
 

@@ -7,17 +7,17 @@ The paper prints plants, gains, signals and jump times, but neither x(0) nor the
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 import obsdesign
 from docs.figures.folder import chosen
+from obsdesign.pages.plotting.style import BLACK, BLUE, VERMILION, picture
 from obsdesign.runtime import from_design
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -34,49 +34,83 @@ FIGURES: dict[int, tuple[str, Signal, Signal, Signal]] = {
 }  # fmt: skip
 
 
-def simulated(number: int) -> tuple[Any, Any, Any, Any]:
-    """t, x just before jumps, y and the jumps of a figure."""
+@dataclass(frozen=True)
+class Run:
+    """A figure's state and bounds, (rows, 2) each; at a jump the values just after it.
+
+    printed: bounds of observer (6) or (11) with y at every instant; sampled: those of
+    `obsdesign run` with y in rows STEP apart, which measurements cut.
+    """
+
+    t: Any
+    x: Any
+    printed: tuple[Any, Any]
+    sampled: tuple[Any, Any]
+
+
+def simulated(number: int) -> Run:
+    """Plant and printed observer in one equation; the sampled observer on its output."""
     name, b, d, v = FIGURES[number]
-    plant = obsdesign.load_problem(EXAMPLES / f"{name}.toml").plant
-    t = np.round(STEP * np.arange(round(END / STEP) + 1), 10)
-    x, rows = np.array(START), [np.array(START)]
-    for begin, end in itertools.pairwise(t):
-        if begin in JUMPS:
-            x = plant.jump.G @ x + d(begin)
-        x = solve_ivp(lambda s, z: plant.flow.A @ z + b(s), (begin, end), x,
-                      method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]  # fmt: skip
-        rows.append(x)
-    states = np.array(rows)
-    y = states @ plant.output.C.T + np.array([[v(s)] for s in t])
-    return t, states, y, np.isin(t, JUMPS)
-
-
-def bounds(number: int) -> tuple[Any, Any, Any, Any]:
-    """t, x, lower and upper of a figure; at a jump the values just after it."""
-    t, x, y, jump = simulated(number)
-    name, _, d, _ = FIGURES[number]
     problem = obsdesign.load_problem(EXAMPLES / f"{name}.toml")
-    observer: Any = from_design(obsdesign.design(problem))
-    batch = observer.run_batch(t, y, jump=jump, lower=LOWER, upper=UPPER)
-    after = x.copy()
-    for row in np.flatnonzero(jump):
-        after[row] = problem.plant.jump.G @ x[row] + d(t[row])
-    return t, after, batch.lower, batch.upper
+    design, plant = obsdesign.design(problem), problem.plant
+    t = np.round(STEP * np.arange(round(END / STEP) + 1), 10)
+    flow, jump = _printed(plant, design.gains, b, d, v)
+    z, before, after = np.array([*START, *LOWER, *UPPER]), [], []
+    for k, now in enumerate(t):
+        if k:
+            span = (t[k - 1], now)
+            z = solve_ivp(flow, span, z, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+        before.append(z[:2])
+        z = jump(now, z) if now in JUMPS else z
+        after.append(z)
+    y = np.array(before) @ plant.output.C.T + np.array([[v(s)] for s in t])
+    observer: Any = from_design(design)
+    batch = observer.run_batch(t, y, jump=np.isin(t, JUMPS), lower=LOWER, upper=UPPER)
+    rows = np.array(after)
+    return Run(t, rows[:, :2], (rows[:, 2:4], rows[:, 4:]), (batch.lower, batch.upper))
+
+
+def _printed(plant: Any, gains: Any, b: Signal, d: Signal, v: Signal) -> tuple[Any, Any]:
+    """Flow and jump of (x, lower, upper) with observer (11), of which (6) is the case D1 = Gn = 0.
+
+    With y(t-) at a jump (Theorem 5), not y(t).
+    """
+    A, G, C, L, M = plant.flow.A, plant.jump.G, plant.output.C, gains["L"], gains["M"]
+    V = plant.output.noise_bound
+    b_lower, b_upper = plant.flow.b_bounds
+    c_lower, c_upper = plant.jump.c_bounds
+
+    def flow(t: float, z: Any) -> Any:
+        x, low, high = z[:2], z[2:4], z[4:]
+        given, noise = L @ (C @ x + v(t)), np.abs(L) @ V
+        rise = gains["D0"] @ low - gains["D1"] @ high + given + b_lower - noise
+        fall = gains["D0"] @ high - gains["D1"] @ low + given + b_upper + noise
+        return np.concatenate([A @ x + b(t), rise, fall])
+
+    def jump(t: float, z: Any) -> Any:
+        x, low, high = z[:2], z[2:4], z[4:]
+        given, noise = M @ (C @ x + v(t)), np.abs(M) @ V
+        lower = gains["Gp"] @ low - gains["Gn"] @ high + given + c_lower - noise
+        upper = gains["Gp"] @ high - gains["Gn"] @ low + given + c_upper + noise
+        return np.concatenate([G @ x + d(t), lower, upper])
+
+    return flow, jump
 
 
 def draw_figure(number: int, path: Path) -> None:
     """Both states and their bounds."""
-    t, x, lower, upper = bounds(number)
-    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
-    for k, axis in enumerate(figure.subplots(1, 2)):
-        axis.fill_between(t, lower[:, k], upper[:, k], color="#56B4E9", alpha=0.35, lw=0)
-        axis.plot(t, lower[:, k], t, upper[:, k], color="#0072B2", lw=0.9, ls="--")
-        axis.plot(t, x[:, k], color="black", lw=1.2)
-        axis.set(xlabel="t", ylabel=f"x{k + 1}", xlim=(0, END))
-        axis.grid(alpha=0.25)
-    figure.suptitle(f"Degue et al., Figure {number}: the state (solid) inside its bounds (dashed); "
-                    "jumps at 5 and 10", fontsize=10)  # fmt: skip
-    figure.savefig(path, dpi=120)
+    run = simulated(number)
+    observer = {1: "(6)", 3: "(11)"}[number]
+    with picture(8.0, 3.4, str(path)) as figure:
+        for k, axis in enumerate(figure.subplots(1, 2)):
+            lower, upper = run.sampled
+            axis.fill_between(run.t, lower[:, k], upper[:, k], color=BLUE, alpha=0.25, lw=0,
+                              label="obsdesign run, y every 0.01")  # fmt: skip
+            for bound, label in zip(run.printed, (f"observer {observer}", None), strict=True):
+                axis.plot(run.t, bound[:, k], color=VERMILION, lw=0.9, ls="--", label=label)
+            axis.plot(run.t, run.x[:, k], color=BLACK, lw=1.2, label="state")
+            axis.set(xlabel="t", ylabel=f"$x_{k + 1}$", xlim=(0, END))
+        axis.legend(frameon=False, fontsize=8)
     print(f"written: {path}")
 
 

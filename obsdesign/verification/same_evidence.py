@@ -54,7 +54,7 @@ OLDER_WORDING = {
 
 
 # claims that designs of earlier releases do not have
-ADDED_CLAIMS = (stated_poles.ID, stated_weights.ID)
+ADDED_CLAIMS = (stated_poles.ID, stated_weights.ID, "shortest_spacing")
 
 
 # where earlier releases found what a source now names

@@ -10,13 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.optimize import linprog
 
 import obsdesign
 from docs.figures import degue as degue_figures
+from lmi.arithmetic.balls import exact
 from lmi.decide.stability import decide
 from lmi.prove.common_matrix import prove_common
-from lmi.prove.hurwitz import prove_hurwitz
+from lmi.prove.hurwitz import exactly_schur, prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem, periodic_width
@@ -282,6 +285,64 @@ def test_bouncing_ball_recovered_gains() -> None:
     np.testing.assert_allclose(sorted(jump), [-0.8, 0.9], atol=1e-12)
 
 
+def test_printed_disturbances_let_the_ball_fall_through_the_floor() -> None:
+    """beta = delta = 0.5 act on the position too: at the fourth contact it goes below the floor.
+
+    g and x(0) are not printed: 9.81 and (5, 0).
+    """
+
+    def flow(t: float, x: np.ndarray) -> list[float]:
+        return [x[1] + 0.5 * math.sin(t), -9.81 + 0.5 * math.sin(t)]
+
+    def height(t: float, x: np.ndarray) -> float:
+        return float(x[0])
+
+    height.terminal = True  # type: ignore[attr-defined]
+    t, x, contacts = 0.0, np.array([5.0, 0.0]), []
+    while len(contacts) < 10:
+        begin = 1e-9 if contacts else 0.0  # off the surface
+        x = x + begin * np.array(flow(t, x))
+        run = solve_ivp(flow, (t + begin, 20.0), x, events=height, rtol=1e-10, atol=1e-12)
+        t, x = float(run.t[-1]), run.y[:, -1]
+        if run.status != 1:
+            break
+        contacts.append(t)
+        x = np.diag([1.0, -0.8]) @ x + 0.5 * math.sin(t)
+    assert contacts == pytest.approx([1.043, 2.972, 4.516, 4.623], abs=5e-4)
+    assert x[0] < -1000
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_a_metzler_matrix_decays_where_the_linear_program_has_a_solution(n: int) -> None:
+    """Section 2.3; strict as A' lambda <= -1, which scales."""
+    rng, answers = np.random.default_rng(n), []
+    for _ in range(20):
+        F = rng.random((n, n)) - np.diag(rng.uniform(0, n + 0.5, n))
+        F[~np.eye(n, dtype=bool)] *= rng.random() < 0.8
+        solution = linprog(np.ones(n), A_ub=F.T, b_ub=-np.ones(n), bounds=(0, None))
+        verdict = prove_hurwitz(F).outcome
+        assert verdict == ("proved" if solution.status == 0 else "refuted")
+        answers.append(verdict)
+    assert set(answers) == {"proved", "refuted"}
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+@pytest.mark.parametrize("modulus", [0.3, 0.99, 1.01])
+def test_lemma_2_by_positive_vectors(n: int, modulus: float) -> None:
+    """P = diag(l / v) with v = (I - H)^-1 1 and l' = 1' (I - H)^-1; none where H is not Schur."""
+    H = np.random.default_rng(n).random((n, n))
+    H *= modulus / max(abs(np.linalg.eigvals(H)))
+    right, left = (np.linalg.solve(np.eye(n) - X, np.ones(n)) for X in (H, H.T))
+    if modulus > 1:
+        assert min(right.min(), left.min()) < 0
+        assert not exactly_schur(exact(H))
+        return
+    P = np.diag(left / right)
+    assert P.diagonal().min() > 0
+    assert np.linalg.eigvalsh(H.T @ P @ H - P).max() < 0
+    assert exactly_schur(exact(H))
+
+
 # --- Example 4.3 ------------------------------------------------------------------------------
 
 
@@ -360,13 +421,32 @@ def test_the_runtime_of_an_example_is_loadable() -> None:
 @pytest.mark.parametrize(("number", "widest"), [(1, (1.15, 1.05)), (3, (2.6, 6.8))])
 def test_figures_1_and_3_show_the_state_inside_its_bounds(number: int, widest: tuple) -> None:
     """Signals, gains and jump times are the paper's; the initial bounds are not printed."""
-    t, x, lower, upper = degue_figures.bounds(number)
-    assert (lower <= x).all()
-    assert (x <= upper).all()
+    run = degue_figures.simulated(number)
+    for lower, upper in (run.printed, run.sampled):
+        assert (lower <= run.x).all()
+        assert (run.x <= upper).all()
+    # measurements cut the bounds: never wider than those of the printed observer
+    assert (run.printed[0] <= run.sampled[0] + 1e-9).all()
+    assert (run.sampled[1] <= run.printed[1] + 1e-9).all()
     # what the printed axes show: each jump widens the bounds, and they narrow until the next
-    width = upper - lower
-    rows = [int(np.searchsorted(t, moment)) for moment in degue_figures.JUMPS]
+    width = run.printed[1] - run.printed[0]
+    rows = [int(np.searchsorted(run.t, moment)) for moment in degue_figures.JUMPS]
     for row in rows:
         assert (width[row] > 1.5 * width[row - 1]).all()
         assert (width[row + 490] < 0.5 * width[row : row + 490].max(axis=0)).all()
     np.testing.assert_array_less(width[rows[0] :].max(axis=0), widest)
+
+
+def test_the_width_of_figure_3_is_that_of_observer_11() -> None:
+    """By the width system; without noise the measurements of the product leave none in x2."""
+    run = degue_figures.simulated(3)
+    W, N = pair("degue_4_3")
+    f, h = inputs(obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_3.toml")))
+    w, step = np.array([4.0, 4.0]), expm(np.block([[W, f[:, None]], [np.zeros((1, 3))]]) * 5)
+    for _ in range(2):
+        w = step[:2, :2] @ w + step[:2, 2]
+        before, w = w, N @ w + h
+    row = int(np.searchsorted(run.t, 10.0)) - 1
+    width = run.printed[1][row] - run.printed[0][row]
+    np.testing.assert_allclose(width, before, rtol=0.01)  # the row is 0.01 before the jump
+    assert run.sampled[1][row, 1] - run.sampled[0][row, 1] < 1e-12

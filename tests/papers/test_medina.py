@@ -6,7 +6,6 @@ that give all printed numbers.
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
+from docs.figures import spline_data
 from lmi.arithmetic.exponential import expm as flow_of
 from obsdesign.analysis.impulsive_noise import simulated
 from obsdesign.design_file import from_dict
@@ -56,16 +56,6 @@ def literal_gain(A: Any, G: Any, C: Any, spacings: Any, alpha: float) -> tuple[A
 def gain(A: Any, G: Any, C: Any, spacings: Any, alpha: float) -> Any:
     flows = flow_of(np.asarray(A) * np.asarray(spacings)[1:, None, None])
     return window_gains(Core(A, C, G), flows, alpha)
-
-
-def data() -> Any:
-    path = ROOT / "docs" / "figures" / "spline_data.py"
-    spec = importlib.util.spec_from_file_location("spline_data", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize(
@@ -119,25 +109,13 @@ def test_p2_determinant_of_the_window() -> None:
         flows = np.array([expm(chain(3) * a), expm(chain(3) * b)])
         rows, _ = window_matrix(Core(chain(3), first(3), np.eye(3)), flows)
         assert np.linalg.det(rows) == pytest.approx((a + b) * a * b / 2, rel=1e-12)
+        assert np.linalg.det(rows) >= min(a, b) ** 3 * (1 - 1e-12)  # printed: half of it
 
 
 def test_p3_p4_the_printed_inputs_come_from_a_not_a_knot_spline() -> None:
-    curve = data().spline()
+    curve = spline_data.spline()
     np.testing.assert_allclose(curve(KNOTS, 3), PRINTED_W, atol=HALF_A_DIGIT)
     np.testing.assert_allclose([curve(0, k) for k in range(4)], PRINTED_X0, atol=HALF_A_DIGIT)
-
-
-def estimates(design: Any) -> tuple[Any, Any, Any]:
-    """(t, x estimated, x true) over the paper's record, from xhat(0) = (0, 0, 0, 100)."""
-    table = data().columns()
-    observer: Any = from_design(design)
-    batch = observer.run_batch(
-        table["t"], table["y1"], w=np.nan_to_num(table["w1"]), jump=table["jump"],
-        x=[0, 0, 0, 100.0],
-    )  # fmt: skip
-    true = np.stack([table[f"x{i + 1}"] for i in range(4)], axis=1)
-    assert set(batch.status) == {"ok"}
-    return table["t"], batch.x, true
 
 
 @pytest.mark.parametrize("strategy", ["auto", "compressed", "subspace"])
@@ -145,7 +123,7 @@ def test_p5_p6_the_example_is_dead_beat(strategy: str) -> None:
     body = obsdesign.load_problem(ROOT / "examples" / "medina_spline.toml").to_dict()
     body["observer"]["strategy"] = strategy
     design = obsdesign.design(obsdesign.Problem.from_dict(body))
-    t, estimate, true = estimates(design)
+    t, estimate, true = spline_data.estimates(design)
     error = estimate - true
     assert np.abs(error[t < 0.1, 3]) == pytest.approx(158.0338, abs=1e-4)
     # the true x4 of the table is the spline's, rounded: 400 * 1e-15
@@ -213,6 +191,69 @@ def test_p8_the_restricted_spline_is_certified() -> None:
     assert (outcome.verdict, outcome.design.gains["window"]) == ("proved", 3)
     assert evidence["approx_sigma_min"] == pytest.approx(0.0040622001, rel=1e-7)
     assert 0.5 * 0.0040622001 < evidence["sigma_min"] <= 0.0040622001
+
+
+def test_the_example_states_the_window_of_the_states_after_an_impulse() -> None:
+    """The numbers of the page: one spacing more than the subsystem, which has no image."""
+    evidence = {}
+    for name in ("medina_spline", "medina_subsystem"):
+        outcome = obsdesign.investigate(obsdesign.load_problem(ROOT / "examples" / f"{name}.toml"))
+        assert outcome.verdict == "proved"
+        evidence[name] = claim(outcome, "strongly_observable").evidence
+    spline, part = evidence["medina_spline"], evidence["medina_subsystem"]
+    assert (len(spline["approx_worst"]), len(part["approx_worst"])) == (3, 2)
+    assert 0.0027 < spline["sigma_min"] <= spline["approx_sigma_min"]
+    assert spline["approx_sigma_min"] == pytest.approx(0.0040026, abs=1e-7)
+    assert 0.0036 < part["sigma_min"] <= part["approx_sigma_min"]
+
+
+def test_lemma_26_bounds_the_gramian_up_to_the_impulse_before() -> None:
+    """M_alpha(tau_(k-l)^-, tau_(k-1)) has l terms, and M_alpha(tau_(k-l)^-, tau_k) one more."""
+    A, C, alpha, window, ends = chain(3), first(3), 1.3, 3, np.linspace(0.1, 0.8, 8)
+
+    def eigenvalues(terms: int, spacings: Any) -> Any:
+        X, total = np.eye(3), C.T @ C
+        for j, delta in enumerate(spacings[: terms - 1], start=1):
+            X = expm(A * delta) @ X
+            total = total + alpha ** (2 * j) * X.T @ C.T @ C @ X
+        return np.linalg.eigvalsh(total)
+
+    over_the_box = np.array([eigenvalues(window, (a, b)) for a in ends for b in ends])
+    least, largest = over_the_box.min(), over_the_box.max()
+    for spacings in np.random.default_rng(5).uniform(0.1, 0.8, (20, window)):
+        values = eigenvalues(window, spacings)
+        assert least <= values[0]
+        assert values[-1] <= largest
+    assert eigenvalues(window + 1, [0.8] * window)[-1] > 2 * largest
+
+
+def test_the_response_counts_an_impulse_at_the_end_of_its_interval() -> None:
+    """x(tau_k) by Phi of (2) over (t0, tau_k]: without the impulse at tau_k it is x(tau_k^-)."""
+    A, G, C = REGULAR
+    E = np.array([[0.5], [-1.0], [2.0]])
+    rng = np.random.default_rng(6)
+    problem = impulsive_problem(REGULAR, RANGE, window=3, jump={"E": E.tolist()})
+    observer: Any = from_design(obsdesign.design(problem))
+    x, x0 = np.array([1.0, -2.0, 0.5]), np.array([1.0, -2.0, 0.5])
+    state = observer.init(t=0.0, x=x0)
+    times, w = np.cumsum(rng.uniform(0.3, 0.7, 5)), rng.standard_normal(5)
+
+    def phi(end: float, start: float, closed: bool) -> Any:
+        inside = [t for t in times if start < t < end or (closed and start < t == end)]
+        X, now = np.eye(3), start
+        for t in inside:
+            X, now = G @ expm(A * (t - now)) @ X, t
+        return expm(A * (end - now)) @ X
+
+    for k, t in enumerate(times):
+        before = expm(A * (t - (times[k - 1] if k else 0.0))) @ x
+        state, estimate = observer.step(state, Sample(t, y=C @ before, w=w[k : k + 1], jump=True))
+        x = estimate.x  # of an observer that starts from the true state
+        response = phi(t, 0.0, closed=True) @ x0
+        for j in range(k + 1):
+            response = response + phi(t, times[j], closed=True) @ E[:, 0] * w[j]
+        np.testing.assert_allclose(x, response, rtol=1e-9, atol=1e-9)
+        assert np.abs(phi(t, 0.0, closed=False) - phi(t, 0.0, closed=True)).max() > 1e-3
 
 
 def test_the_printed_sum_of_p_before_the_impulse_has_one_term_too_many() -> None:

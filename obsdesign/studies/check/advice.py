@@ -24,6 +24,7 @@ _CLAIMS = {
     "window_long_enough": "Try a longer observer.window.",
     "difference_invertible": "Try another observer.window, or leave observer.gains out.",
     "bounded_spacing": "Give a finite jump.dwell_time[1].",
+    "shortest_spacing": "Give a positive jump.dwell_time[0].",
     "strongly_observable": "Measure more (a row more in output.C), or try a narrower range "
     "jump.dwell_time or a longer observer.window.",
     "noise_target": "Ask for a larger observer.noise_target.",

@@ -43,8 +43,8 @@ from obsdesign.verification.impulsive.rate import (
     robust_to_rounding,
     window_reach,
 )
+from obsdesign.verification.impulsive.spacing import bounded_spacing, shortest_spacing
 from obsdesign.verification.impulsive.statements import (
-    bounded_spacing,
     decay_claim,
     noise_target,
     nominal_plant,
@@ -76,10 +76,9 @@ def claims(
     if gains is None:
         return (agreement,)
     high = problem.require_dwell_time()[1]
-    bounded = bounded_spacing(high)
-    if bounded.verdict != "proved":
-        return agreement, bounded
-    listed = [agreement, bounded]
+    listed = [agreement, bounded_spacing(high), shortest_spacing(problem)]
+    if overall(claim.verdict for claim in listed) != "proved":
+        return tuple(listed)
     if gains.has_window:
         claims, bound = _windowed(problem, gains, certificates, paranoid, budget)
     else:

@@ -17,7 +17,7 @@ from lmi.rank.decide import approx_evidence, decide_full_rank, prove_again
 from lmi.rank.stack import Stack
 from lmi.rank.witness import MARGIN, check_deficient
 from lmi.time_budget import UNLIMITED, TimeBudget
-from lmi.verdict import Verdict, proved, refuted, undecided
+from lmi.verdict import Verdict, proved, undecided
 from obsdesign.analysis.hidden_modes import nullspace
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive.formulas import Core, most_blocks
@@ -29,23 +29,6 @@ from obsdesign.verification.impulsive.rate import Rate, in_balls
 from obsdesign.verification.proposal import Proposal
 
 PAPER = "Medina, Lawrence, State Estimation for Linear Impulsive Systems"
-
-
-def bounded_spacing(high: float) -> Claim:
-    """Claim that there is a longest spacing; refuted without one: uniformity needs a bound."""
-    verdict = proved(longest=high)
-    if math.isinf(high):
-        reason = (
-            "jump.dwell_time has no longest spacing: the bounds of the window, and with them "
-            "uniform convergence, need one; give a finite jump.dwell_time[1]"
-        )
-        verdict = refuted({"entry": "jump.dwell_time", "longest": "inf", "reason": reason})
-    return Claim.from_verdict(
-        "bounded_spacing",
-        "the time between impulses has an upper bound",
-        f"{PAPER}, Assumption 2.1",
-        verdict,
-    )
 
 
 def nominal_plant(gains: ImpulsiveGains, verdict: Verdict) -> Claim:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign.runtime import Bounds, Sample, from_design
 
 PAGE = Path(__file__).parents[3] / "docs" / "interval.md"
 
@@ -43,3 +48,47 @@ def test_the_twin_impacts_that_are_not_reported_lose_the_ball() -> None:
     names["estimates"] = list(observer.run(state, silent))
     assert outside(names) > 1.0
     assert any(estimate.status != "ok" for estimate in names["estimates"])
+
+
+G, KEPT, SPEED, FORCE = 9.81, 0.8, 10.0, 10.31
+
+
+def late_record(delay: float, still: Bounds | None) -> tuple[list[Sample], np.ndarray]:
+    """Samples of a ball from 5 m whose impacts are reported after a delay, and its states."""
+    impacts, t, speed = [(0.0, 5.0, 0.0)], math.sqrt(10 / G), KEPT * math.sqrt(10 * G)
+    while t < 4.5:
+        impacts.append((t, 0.0, speed))
+        t, speed = t + 2 * speed / G, KEPT * speed
+    rows = [(round(0.02 * k, 6), False) for k in range(220)]
+    rows += [(t + delay, True) for t, _, _ in impacts[1:]]
+    samples, states = [], []
+    for now, is_jump in sorted(rows):
+        start, height, speed = [impact for impact in impacts if impact[0] <= now][-1]
+        if not is_jump and start > 0 and now < start + delay:
+            continue  # between an impact and its report nothing is measured
+        s = now - start
+        states.append((height + speed * s - G * s**2 / 2, speed - G * s))
+        bounds = None if is_jump else still
+        samples.append(Sample(now, [states[-1][0]], jump=is_jump, bounds=bounds))
+    return samples, np.array(states)
+
+
+@pytest.mark.parametrize(("delay", "room"), [(0.002, 0.004), (0.004, 0.004), (0.004, 0.0)])
+def test_late_impacts_are_inside_where_the_recipe_leaves_room(delay: float, room: float) -> None:
+    """Step 2 of the recipe for reports up to `room` late; the twin without it refutes the bounds."""
+    position, velocity = (1 + KEPT) * SPEED * room, (1 + KEPT) * FORCE * room
+    body = obsdesign.load_problem(PAGE.parents[1] / "examples" / "degue_4_2.toml").to_dict()
+    body["jump"]["disturbance"] = {
+        "lower": [-position, -0.5 - velocity], "upper": [position, 0.5 + velocity]
+    }  # fmt: skip
+    body["output"]["noise_bound"] = [position]
+    observer: Any = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    samples, x = late_record(delay, Bounds(v=([0.0], [0.0])) if room else None)
+    start = observer.init(0.0, lower=[4.9, -0.1], upper=[5.1, 0.1])
+    estimates = list(observer.run(start, samples))
+    statuses = {estimate.status for estimate in estimates}
+    if not room:
+        assert statuses != {"ok"}
+        return
+    assert statuses == {"ok"}
+    assert outside({"truth": x, "estimates": estimates}) <= 1e-12

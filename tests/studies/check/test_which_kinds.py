@@ -150,6 +150,16 @@ def test_advice_answers_what_failed() -> None:
     assert check_kind(refused, "interval").next_step == ""  # the reason says it all
 
 
+def test_advice_for_an_end_of_the_dwell_times_names_that_end() -> None:
+    """A mode hidden at spacing 0 is no reason to measure more where 0 is what a file left open."""
+    for dwell, place in (([0.0, 0.8], 0), ([0.1, "inf"], 1)):
+        body = load("medina_spline").to_dict()
+        body["jump"]["dwell_time"] = dwell
+        answer = check_kind(obsdesign.Problem.from_dict(body), "impulsive")
+        assert answer.verdict == "refuted"
+        assert f"jump.dwell_time[{place}]" in answer.next_step
+
+
 def test_a_kind_beyond_the_budget_of_memory_is_undecided(monkeypatch: pytest.MonkeyPatch) -> None:
     large = obsdesign.Problem.from_dict({
         "flow": {"A": [[-1, 1], [0, -2]]},

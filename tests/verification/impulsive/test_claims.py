@@ -20,6 +20,7 @@ from tests.systems.impulsive import (
     first,
     impulsive_problem,
     investigate,
+    rebased,
     verdicts,
 )
 
@@ -129,12 +130,55 @@ def test_a_witness_keeps_to_the_jitter() -> None:
 
 def test_no_longest_spacing_is_refused_with_the_reason() -> None:
     outcome = investigate(DOUBLE, [0.5, "inf"])
-    assert verdicts(outcome) == {"consistent": "proved", "bounded_spacing": "refuted"}
+    assert verdicts(outcome) == {
+        "consistent": "proved", "bounded_spacing": "refuted", "shortest_spacing": "proved"
+    }  # fmt: skip
     witness = claim(outcome, "bounded_spacing").evidence["witness"]
     assert witness["reason"] == (
         "jump.dwell_time has no longest spacing: the bounds of the window, and with them uniform "
         "convergence, need one; give a finite jump.dwell_time[1]"
     )
+
+
+HALVED = (np.diag([0.2, -0.1]), np.diag([1.0, 0.5]), first(2))  # what C misses decays
+
+
+@pytest.mark.parametrize("plant", [SPLINE, rebased(SPLINE, 1), DOUBLE, OSCILLATOR])
+@pytest.mark.parametrize("measured", ["before", "after"])
+def test_a_range_from_0_on_needs_a_positive_end_where_impulses_at_once_hide_a_mode(
+    plant: Any, measured: str
+) -> None:
+    for strategy in ("auto", "quadratic"):
+        outcome = investigate(
+            plant, [0.0, 0.4], strategy=strategy, output={"jump_measurement": measured}
+        )
+        assert outcome.verdict == "refuted"
+        assert verdicts(outcome)["bounded_spacing"] == "proved"
+        witness = claim(outcome, "shortest_spacing").evidence["witness"]
+        C = plant[2] @ plant[1] if measured == "after" else plant[2]
+        hidden = np.array(witness["null_vector"])
+        np.testing.assert_allclose(C @ hidden, 0, atol=1e-9)
+        np.testing.assert_allclose(plant[1] @ hidden, witness["mode"]["real"] * hidden, atol=1e-9)
+        assert witness["reason"].endswith("give a positive jump.dwell_time[0]")
+
+
+@pytest.mark.parametrize(
+    ("plant", "dwell"),
+    [
+        (SPLINE, [0.1, 0.4]),  # the twins of the same plants
+        (DOUBLE, [0.1, 0.4]),
+        ((DOUBLE[0], np.eye(2), np.eye(2)), [0.0, 0.4]),  # C misses nothing
+        ((np.diag([0.1, 0.2]), np.array([[1.0, 1.0], [0.0, 1.0]]), first(2)), [0.0, 0.4]),
+        (HALVED, [0.0, 0.4]),
+    ],
+)
+def test_both_ends_of_the_spacings_are_proved(plant: Any, dwell: list[float]) -> None:
+    outcome = investigate(plant, dwell)
+    assert outcome.verdict == "proved"
+    assert claim(outcome, "bounded_spacing").evidence["longest"] == dwell[1]
+    shortest = claim(outcome, "shortest_spacing")
+    assert shortest.evidence["shortest"] == dwell[0]
+    assert ("positive lower bound" in shortest.statement) == (dwell[0] > 0)
 
 
 @pytest.mark.parametrize("strategy", ["subspace", "quadratic"])

@@ -77,6 +77,21 @@ def test_a_margin_in_older_words_is_unconfirmed_not_false(plant: Any) -> None:
     assert "'strongly_observable' is stated as by an earlier release" in reason
 
 
+def test_designs_without_the_claim_of_the_shortest_spacing_verify(compressed: Any) -> None:
+    """Designs of earlier releases do not have it, nor sentences that rest on it."""
+    name = "shortest_spacing"
+    kept = tuple(one for one in compressed.claims if one.id != name)
+    rest = tuple(
+        replace(one, claims=tuple(c for c in one.claims if c != name))
+        for one in compressed.guarantees
+    )
+    older = replace(compressed, claims=kept, guarantees=rest)
+    assert obsdesign.verify(older).verdict == "proved"
+    # the twin: any other claim may not be missing
+    kept = tuple(one for one in compressed.claims if one.id != "bounded_spacing")
+    assert obsdesign.verify(replace(compressed, claims=kept)).verdict != "proved"
+
+
 def test_older_words_are_no_cover(compressed: Any) -> None:
     old = of_earlier_release(compressed)
     image = np.array(old.gains["image"])
@@ -110,6 +125,7 @@ def test_older_words_are_no_cover(compressed: Any) -> None:
         ("strongly_observable", {"asked": 1e-4}, "undecided"),
         ("strongly_observable", {"blocks": 2}, "refuted"),
         ("bounded_spacing", {"longest": 0.7}, "refuted"),
+        ("shortest_spacing", {"shortest": 0.2}, "refuted"),
     ],
 )
 def test_bounds_of_another_course_of_the_proof_are_unconfirmed(

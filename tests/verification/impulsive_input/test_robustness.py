@@ -73,6 +73,25 @@ def test_no_change_of_A_in_the_box_exceeds_the_bounds(
     assert worst > least  # the bound is not more than a factor above what occurs
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_no_change_that_varies_in_time_exceeds_the_bounds(seed: int) -> None:
+    """Steps of dA from corner to corner of the box; the twin: a box half as large is too small."""
+    U, rng = 0.05 * (np.abs(A) + 0.01), np.random.default_rng(seed)
+    F, start = filtered_system(A - K @ C, C, LAMS, feature_scales(LAMS, 20.0)), np.eye(7, 3) @ H
+    nominal, changed = start, np.vstack([start, H])
+    bound, largest = bounds(A, K, C, H, U), np.zeros(4)
+    for _ in range(20):
+        both = np.zeros((10, 10))
+        # mostly one sign, so that changes add up
+        dA = U * np.where(rng.random((3, 3)) < 0.9, 1.0, -1.0)
+        both[:7, :7], both[:3, 7:], both[7:, 7:] = F, dA, A + dA
+        nominal, changed = expm(F) @ nominal, expm(both) @ changed
+        change = np.abs(changed[:7] - nominal)[3:]
+        assert (change <= bound.impulse).all()
+        largest = np.maximum(largest, change[:, 0])
+    assert (largest > bounds(A, K, C, H, U / 2).impulse[:, 0]).any()
+
+
 def test_a_growing_kernel_counts_as_at_run_time() -> None:
     lams, U = np.array([0.3, -0.65, -0.7, -0.75, -0.8]), 0.01 * np.abs(A)
     bound = bounds(A, K, C, H, U, lams)

@@ -59,7 +59,7 @@ def verdicts(outcome: obsdesign.Outcome) -> dict[str, str]:
     return {claim.id: claim.verdict for claim in outcome.claims}
 
 
-def radius(W: np.ndarray, N: np.ndarray, theta: float) -> float:
+def spectral_radius(W: np.ndarray, N: np.ndarray, theta: float) -> float:
     return float(max(abs(np.linalg.eigvals(expm(W * theta) @ N))))
 
 
@@ -104,6 +104,10 @@ def test_the_widths_of_the_counterexample_do_explode() -> None:
         state, estimate = observer.step(state, Sample(float(k), jump=True))
         assert (estimate.upper - estimate.lower <= widths[-1] * (1 + 1e-12)).all()
         assert (estimate.upper - estimate.lower < 1.0).all()
+    # from jump to jump by the radius of e^R N: what (8) holds to be below 1
+    growth = spectral_radius(system.W, system.N, 1.0)
+    assert growth == pytest.approx(4.2746, abs=1e-4)
+    np.testing.assert_allclose(widths[29] / widths[28], growth, rtol=1e-9)
     np.testing.assert_allclose(widths[0], [3.7444, 5.1233], rtol=DIGITS)
     np.testing.assert_allclose(widths[9], [1.7767e6, 2.4535e6], rtol=DIGITS)
     np.testing.assert_allclose(widths[29], [7.37e18, 1.018e19], rtol=DIGITS)
@@ -114,7 +118,7 @@ def test_one_change_of_coordinates_holds_where_two_fail() -> None:
     one = problem_with(PRINTED_8_HOLDS, observer__gains=gains | {"S": [[1, 0], [0, 1]]})
     design = obsdesign.design(one)
     system = WidthSystem.from_gains(IntervalGains.from_document(design.gains))
-    assert radius(system.W, system.N, 1.0) == pytest.approx(0.944709, abs=1e-6)
+    assert spectral_radius(system.W, system.N, 1.0) == pytest.approx(0.944709, abs=1e-6)
     # and the two-coordinate observer needs dwell times twenty times as long
     for shortest, verdict in ((11.918, "proved"), (11.917, "refuted")):
         two = problem_with(PRINTED_8_HOLDS, jump__dwell_time=[shortest, shortest])
@@ -175,6 +179,15 @@ def test_the_printed_T_is_rejected_with_its_entry() -> None:
     assert claim.evidence["witness"]["reason"] == "T is not nonnegative: entry (1, 1) is -0.8"
 
 
+def test_the_printed_R_serves_long_flights_without_end_and_no_short_ones() -> None:
+    """The printed R decays, so no longest flight is needed; "all T_k > 0" is false."""
+    for shortest, verdict in ((1.05, "proved"), (0.98, "refuted"), (0.0, "refuted")):
+        outcome = obsdesign.investigate(ball([shortest, math.inf]))
+        assert outcome.result["form"] == "coordinates"
+        assert verdicts(outcome)["hurwitz"] == "proved"
+        assert (outcome.verdict, verdicts(outcome)["dwell_stability"]) == (verdict, verdict)
+
+
 def test_thresholds_of_the_bouncing_ball() -> None:
     gains = BALL["observer"]["gains"]
     one = WidthSystem.from_gains(
@@ -187,8 +200,8 @@ def test_thresholds_of_the_bouncing_ball() -> None:
         )
     )
     np.testing.assert_allclose(one.W, np.diag([-2.0, -1.0]), atol=1e-12)
-    assert radius(one.W, one.N, 0.0) == pytest.approx(3.916146, abs=1e-4)
-    assert radius(one.W, one.N, 0.986839) == pytest.approx(1.0, abs=1e-4)
+    assert spectral_radius(one.W, one.N, 0.0) == pytest.approx(3.916146, abs=1e-4)
+    assert spectral_radius(one.W, one.N, 0.986839) == pytest.approx(1.0, abs=1e-4)
     problem = ball([1, 1], S2=S2)
     two = WidthSystem.from_gains(
         gains_of_form(
@@ -202,7 +215,7 @@ def test_thresholds_of_the_bouncing_ball() -> None:
     np.testing.assert_allclose(
         np.array(S2) @ T @ np.linalg.inv(S2), [[0.9, 0], [0.5, -0.8]], atol=1e-5
     )
-    assert radius(two.W, two.N, 1.046921) == pytest.approx(1.0, abs=1e-3)
+    assert spectral_radius(two.W, two.N, 1.046921) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_no_range_down_to_zero_holds_for_the_ball_in_these_coordinates() -> None:
