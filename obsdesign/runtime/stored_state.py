@@ -25,7 +25,7 @@ from obsdesign.runtime.base import Row
 from obsdesign.runtime.finite_time.tape import Tape
 
 FORMAT = "obsdesign/state"
-VERSION = 4
+VERSION = 5
 _KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _DTYPES: Entries = {"float": np.float64, "int": np.int64, "bool": np.bool_}
