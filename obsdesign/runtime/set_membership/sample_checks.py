@@ -1,4 +1,7 @@
-"""Samples that are missing or late, with their status: claimed widths are of samples in time."""
+"""Samples that are missing or late, with their status.
+
+Claimed widths are of samples in time; the bounds hold in any case.
+"""
 
 from __future__ import annotations
 

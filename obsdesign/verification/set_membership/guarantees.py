@@ -65,7 +65,7 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
 
 
 def _least_possible(rows: Sequence[StateWidths]) -> str | None:
-    """How near the certified widths are to the least possible ones; None where all of these are 0.
+    """Ratio of certified and least possible widths in a sentence; None where all of these are 0.
 
     States with a least width of 0 are left out: nothing is known of how near theirs are.
     """
