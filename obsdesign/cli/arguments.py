@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from obsdesign.errors import InputError
-from obsdesign.kinds import KINDS
+from obsdesign.errors import InputError, naming
+from obsdesign.kinds import KINDS, kind_named
 
 if TYPE_CHECKING:
     from lmi.arithmetic.arrays import NewEntries, Value  # the help does without numpy
@@ -28,6 +28,21 @@ def one_of(*words: str) -> Callable[[click.Context, click.Parameter, str], list[
 KIND = click.option(
     "--kind", shell_complete=one_of(*KINDS),
     help="Observer kind; options of another kind in the file are dropped.",
+)  # fmt: skip
+
+
+def _kinds(context: click.Context, option: click.Parameter, value: str | None) -> list[str]:
+    """Names of kinds from a,b,..., all of them where the option is not given."""
+    names = list(KINDS) if value is None else [name.strip() for name in value.split(",")]
+    with naming("--kinds", InputError):
+        for name in names:
+            kind_named(name)
+    return names
+
+
+KINDS_OPTION = click.option(
+    "--kinds", metavar="A,B", callback=_kinds,
+    help="Observers of these kinds alone.  [default: all]",
 )  # fmt: skip
 
 

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import click
 
-from obsdesign.cli.arguments import AS_JSON, NUMBER, Count, numbers, output_option, time_option
+from obsdesign.cli.arguments import (
+    AS_JSON,
+    KINDS_OPTION,
+    NUMBER,
+    Count,
+    numbers,
+    output_option,
+    time_option,
+)  # fmt: skip
 from obsdesign.cli.talk import is_quiet, say
 from obsdesign.errors import InputError
 
@@ -22,13 +30,14 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @click.option("--step", type=NUMBER, help="Time between its rows.")
 @click.option("--seed", type=Count(min=0), help="Of the simulation.  [default: 0]")
 @click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
+@KINDS_OPTION
 @time_option()
 @AS_JSON
 def compare(
     *, problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
-    seconds: float | None, as_json: bool, **options: float | None,
+    kinds: list[str], seconds: float | None, as_json: bool, **options: float | None,
 ) -> int:  # fmt: skip
-    """Run every observer that PROBLEM admits on the same record, beside a Kalman filter."""
+    """Run the observers that PROBLEM admits on the same record, beside a Kalman filter."""
     import numpy as np
 
     from obsdesign.cli.answers import compare_answer, show_comparison
@@ -48,7 +57,7 @@ def compare(
     else:
         rng = np.random.default_rng(seed or 0)
         record = ComparisonRecord.from_simulation(loaded.plant, rng=rng, **options)
-    rows = list(compare_all(loaded, record, start, seconds=seconds))
+    rows = list(compare_all(loaded, record, start, kinds=kinds, seconds=seconds))
     if as_json:
         click.echo(compare_answer(rows))
     elif not is_quiet():

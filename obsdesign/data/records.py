@@ -1,7 +1,8 @@
 """Data files (CSV), read one row at a time.
 
-They have the columns of a `Layout`; others are ignored. An empty y is a missing sample, an empty
-bound the declared one. Every complaint names the file, the line and the column.
+They have the columns of a `Layout`; others are ignored. A row without any y is a missing sample; an
+output without an entry beside others is NaN, and every kind decides what the others are worth to
+it. An empty bound is the declared one. Every complaint names the file, the line and the column.
 """
 
 from __future__ import annotations
@@ -240,11 +241,12 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
     def number(title: str) -> float | None:
         return number_in(cells, places, title, where)
 
-    def group(letter: str, size: int) -> Array | None:
-        values = [number(title) for title in numbered(letter, size)]
-        if not values or any(value is None for value in values):
-            return None
-        return np.array(values, dtype=np.float64)
+    def group(letter: str, size: int) -> list[float | None]:
+        return [number(title) for title in numbered(letter, size)]
+
+    def whole(letter: str, size: int) -> Array | None:
+        values = group(letter, size)
+        return None if not values or None in values else np.array(values, dtype=np.float64)
 
     t = number("t")
     if t is None:
@@ -252,10 +254,13 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
     jump = number("jump") if layout.jump else 0.0
     if jump not in (0.0, 1.0):
         raise InputError(f"{where}: jump must be 0 or 1; got {cells[places['jump']]!r}.")
-    w = group("w", layout.w)
+    w = whole("w", layout.w)
     if jump and layout.w and w is None:
         raise InputError(f"{where}: w1 is required at a jump; it is empty.")
-    return Sample(t, group("y", layout.y), group("u", layout.u), w, bool(jump))
+    outputs = group("y", layout.y)
+    is_missing = all(value is None for value in outputs)
+    y = None if is_missing else np.array(outputs, dtype=np.float64)  # NaN for an empty entry
+    return Sample(t, y, whole("u", layout.u), w, bool(jump))
 
 
 def read_columns(path: str) -> dict[str, list[str]]:

@@ -1,9 +1,10 @@
 """The state of an observer between two parts of a record, as JSON, and back by its types.
 
 A state is built of dataclasses, named tuples, tuples, arrays and scalars. What is read back is
-checked against the annotations of these classes, entry by entry: no text names what is called.
-Arrays stand in a list of their own, so that what was one array is one array again; caches are left
-out. Every number is read back bit by bit.
+checked against the annotations of these classes, entry by entry: no text names what is called. A
+number is no NaN, times are in order, and limits of dwell times are those of the design. Arrays
+stand in a list of their own, so that what was one array is one array again; caches are left out.
+Every number is read back bit by bit.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
 from obsdesign.input_files import parse_json, require_depth
 from obsdesign.runtime.base import Row
+from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.finite_time.tape import Tape
 
 FORMAT = "obsdesign/state"
-VERSION = 4
+VERSION = 5
 _KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _DTYPES: Entries = {"float": np.float64, "int": np.int64, "bool": np.bool_}
@@ -72,11 +74,14 @@ def progress_from_text(text: str, design: Design, observer: Value, path: str) ->
     try:
         reader = _Reader([_array(entry) for entry in body["arrays"]])
         state, waiting, given = body["progress"]
-        return Progress(
+        progress = Progress(
             reader.entry(get_type_hints(type(observer).init)["return"], state, "state"),
             reader.entry(tuple[Row, ...], waiting, "waiting"),
             reader.entry(int, given, "given"),
         )
+        _check_ranges(progress)
+        _check_guard(progress.state, observer)
+        return progress
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: not a state of kind {design.kind!r}: {error}") from None
 
@@ -107,6 +112,35 @@ def _checked_body(text: str, design: Design, path: str) -> NewEntries:
     if body["kind"] != design.kind:
         raise InputError(f"{path}: kind must be {design.kind!r}; got {body['kind']!r}.")
     return body
+
+
+def _check_ranges(progress: Progress) -> None:
+    """Raise TypeError unless times of the state and of the rows behind it are in order."""
+    if progress.given < 0:
+        raise _wrong("given", "at least 0", progress.given)
+    latest = progress.state.t
+    if not math.isfinite(latest):
+        raise _wrong("state.t", "finite", latest)
+    for k, row in enumerate(progress.waiting):
+        if not (latest < row[0] < math.inf or (k == 0 and row[0] == latest)):
+            raise _wrong(f"waiting[{k}][0]", f"finite and after {latest!r}", row[0])
+        latest = row[0]
+
+
+def _check_guard(state: Value, observer: Value) -> None:
+    """Raise TypeError unless a guard of dwell times has the design's limits, and past times."""
+    guard = getattr(state, "guard", None)
+    if guard is None:
+        return
+    own = DwellGuard.from_gains(observer.gains)
+    for name in ("shortest", "longest", "jitter"):
+        limit, stored = getattr(own, name), getattr(guard, name)
+        if stored != limit:
+            raise _wrong(f"state.guard.{name}", f"{limit!r}, that of the design", stored)
+    if guard.last_jump is not None and not -math.inf < guard.last_jump <= state.t:
+        raise _wrong("state.guard.last_jump", f"at most {state.t!r}, state.t", guard.last_jump)
+    if guard.last_dwell is not None and (guard.last_jump is None or not guard.last_dwell > 0):
+        raise _wrong("state.guard.last_dwell", "positive, before last_jump", guard.last_dwell)
 
 
 class _Writer:
@@ -155,7 +189,7 @@ class _Reader:
         names = _fields(hint)
         if names is not None:
             return self._record(hint, names, value, name)
-        if hint is float and isinstance(value, str) and value in _WORDS:
+        if hint is float and value in ("inf", "-inf"):
             return _WORDS[value]
         if hint in (float, int, bool, str, type(None)) and type(value) is hint:
             return value
@@ -164,6 +198,8 @@ class _Reader:
     def _one_of(self, hints: tuple[Any, ...], value: Value, name: str) -> Value:
         if isinstance(value, dict) and "type" in value:
             hints = tuple(h for h in hints if getattr(h, "__name__", "") == value["type"])
+        # None first: a refusal is then about what else the entry may be
+        hints = tuple(sorted(hints, key=lambda hint: hint is not type(None)))
         for hint in hints:
             try:
                 return self.entry(hint, value, name)
@@ -192,8 +228,14 @@ class _Reader:
     def _record(self, kind: Any, names: Sequence[str], value: Value, name: str) -> Value:
         if not isinstance(value, dict) or set(value) != {"type", *names}:
             raise _wrong(name, f"{kind.__name__} with {', '.join(names)}", value)
-        hints = get_type_hints(kind)
-        return kind(*(self.entry(hints[one], value[one], f"{name}.{one}") for one in names))
+        if value["type"] != kind.__name__:
+            raise _wrong(f"{name}.type", kind.__name__, value["type"])
+        hints, unset = get_type_hints(kind), _nan_before_the_first(kind)
+        return kind(*(
+            math.nan if value[one] == "nan" and one in unset
+            else self.entry(hints[one], value[one], f"{name}.{one}")
+            for one in names
+        ))  # fmt: skip
 
 
 def _fields(kind: Any) -> tuple[str, ...] | None:
@@ -201,6 +243,14 @@ def _fields(kind: Any) -> tuple[str, ...] | None:
     if isinstance(kind, type) and is_dataclass(kind):
         return tuple(one.name for one in fields(kind))
     return getattr(kind, "_fields", None) if isinstance(kind, type) else None
+
+
+def _nan_before_the_first(kind: Any) -> tuple[str, ...]:
+    """Names of the entries that are NaN by default: of what has not happened yet."""
+    defaults = getattr(kind, "_field_defaults", None)
+    if defaults is None:
+        defaults = {one.name: one.default for one in fields(kind)}
+    return tuple(name for name, x in defaults.items() if isinstance(x, float) and math.isnan(x))
 
 
 def _stored(array: np.ndarray[Value, Value]) -> NewEntries:

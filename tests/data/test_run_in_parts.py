@@ -66,7 +66,7 @@ def test_two_halves_are_one_record(desk: Path, stdin: bool) -> None:
     ran("run", "d.json", "all.csv", *START, "-o", "all_est.csv")
     assert halves(stdin=stdin) == (desk / "all_est.csv").read_text().splitlines()[1:]
     body = json.loads((desk / "s.json").read_text())
-    assert (body["format"], body["version"]) == ("obsdesign/state", 4)
+    assert (body["format"], body["version"]) == ("obsdesign/state", 5)
     assert body["design"] == json.loads((desk / "d.json").read_text())["digest"]
 
 
@@ -133,6 +133,10 @@ def _field(name: str, value: Any) -> Any:
     return lambda body: body["progress"][0].__setitem__(name, value)
 
 
+def _guard(**entries: Any) -> Any:
+    return lambda body: body["progress"][0]["guard"].update(entries)
+
+
 WRONG: dict[str, Any] = {
     "state.t must be float; got": _field("t", "soon"),
     "state.t must be float; got null": _field("t", None),
@@ -141,6 +145,19 @@ WRONG: dict[str, Any] = {
     "state.box must be an array; got": _field("box", [1.0, 2.0]),
     "state.u must be an array; got": _field("u", {"array": 99}),
     "state.guard must be DwellGuard with": _field("guard", {"type": "DwellGuard"}),
+    'state.type must be IntervalState; got "LuenbergerState"': _field("type", "LuenbergerState"),
+    'state.guard.type must be DwellGuard; got "Guard"': _guard(type="Guard"),
+    "state.guard.shortest must be 0.7, that of the design; got 0.0": _guard(shortest=0.0),
+    "state.guard.longest must be": _guard(longest=1e9),
+    "state.guard.jitter must be inf, that of the design; got 0.5": _guard(jitter=0.5),
+    'state.guard.longest must be float; got "nan"': _guard(longest="nan"),
+    "state.guard.last_jump must be at most": _guard(last_jump=1e6),
+    "state.guard.last_jump must be float": _guard(last_jump="soon"),
+    "state.guard.last_dwell must be positive": _guard(last_dwell=-1.0),
+    'state.t must be float; got "nan"': _field("t", "nan"),
+    "state.t must be finite; got": _field("t", "-inf"),
+    'state.sampled must be float; got "nan"': _field("sampled", "nan"),
+    "given must be at least 0; got -2": lambda body: body["progress"].__setitem__(2, -2),
     "state must be IntervalState with": lambda body: body["progress"].__setitem__(0, {}),
     "given must be int; got true": lambda body: body["progress"].__setitem__(2, True),
     "waiting must be a list": lambda body: body["progress"].__setitem__(1, "x"),
@@ -165,6 +182,17 @@ def test_a_signed_state_of_wrong_types_is_refused(desk: Path, reason: str) -> No
     assert not (desk / "two_est.csv").exists()
 
 
+def test_what_a_signed_state_may_hold_is_resumed(desk: Path) -> None:
+    """The twin: no jump yet, and NaN where nothing has happened yet."""
+    ran("run", "d.json", "one.csv", *START, "--state", "s.json", "-o", "e.csv")
+    body = json.loads((desk / "s.json").read_text())
+    body["progress"][0]["phase"] = "nan"
+    body["progress"][0]["guard"] |= {"last_jump": None, "last_dwell": None}
+    (desk / "s.json").write_text(signed(body))
+    done = ran("run", "d.json", "two.csv", "--state", "s.json", "-o", "e.csv")
+    assert (done.exception, done.return_value) == (None, 0)
+
+
 def test_states_that_cannot_be_resumed(desk: Path) -> None:
     ran("run", "d.json", "one.csv", *START, "--state", "s.json", "-o", "e.csv")
     text = (desk / "s.json").read_text()
@@ -175,7 +203,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         ("[" * 9999, "not a state file that can be resumed"),
         (signed(body | {"more": json.loads("[" * 60 + "]" * 60)}), "nested deeper than 50"),
         (text.replace('"started": true', '"started": false'), "digest does not match the content"),
-        (signed(body | {"version": 1}), "version must be 4; got 1"),
+        (signed(body | {"version": 1}), "version must be 5; got 1"),
         (signed(body | {"format": "x"}), "format must be 'obsdesign/state'"),
         (signed(body | {"design": "sha256:0"}), "Was it saved by another design?"),
         (signed(body | {"kind": "impulsive"}), "kind must be 'interval'; got 'impulsive'"),

@@ -126,13 +126,17 @@ def test_parts_give_what_the_whole_gives(case: str, live: bool) -> None:
 # --- states of another type -------------------------------------------------------------------------
 
 
-def resumed(case: str, change: Callable[[Any], object]) -> Progress:
-    """The progress of a signed state file after a change of its state."""
+def resumed(
+    case: str, change: Callable[[Any], object], waiting: Callable[[Any], object] | None = None
+) -> Progress:
+    """The progress of a signed state file after a change of its state, and of its waiting rows."""
     design, observer, state, samples = recorded(case)
     stream = Stream(observer, Progress(state))
     list(stream.estimates(iter(samples[:30])))
     body = json.loads(state_text(design, stream.progress))
     change(body["progress"][0])
+    if waiting is not None:
+        waiting(body["progress"][1])
     text = json.dumps(body | {"digest": digest(body)})
     return progress_from_text(text, design, observer, "s.json")
 
@@ -148,3 +152,20 @@ def test_a_part_of_several_types_has_the_entries_of_its_own(case: str) -> None:
     ):
         with pytest.raises(InputError, match=f"{words}.* must be"):
             resumed(case, change)
+
+
+@pytest.mark.parametrize("case", ["impulses, integral", "unknown input, fixed lag"])
+def test_rows_that_wait_are_in_order(case: str) -> None:
+    kept = resumed(case, lambda state: None, lambda rows: None)
+    assert len(kept.waiting) > 5
+
+    def swapped(rows: Any) -> None:
+        rows[3], rows[4] = rows[4], rows[3]
+
+    for change, words in (
+        (swapped, r"waiting\[4\]\[0\] must be finite and after"),
+        (lambda rows: rows[0].__setitem__(0, -1.0), r"waiting\[0\]\[0\] must be"),
+        (lambda rows: rows[2].__setitem__(0, "inf"), r"waiting\[2\]\[0\] must be"),
+    ):
+        with pytest.raises(InputError, match=words):
+            resumed(case, lambda state: None, change)

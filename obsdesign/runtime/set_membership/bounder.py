@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +37,7 @@ class Result(NamedTuple):
     """The bounds after a row.
 
     directions (2, r): of the further directions; lagged (2, n): of the state some rows ago, NaN
-    where the tape does not go back that far.
+    where there are not so many rows.
     """
 
     box: Matrix
@@ -114,8 +114,18 @@ class Bounder:
             return None
         return Tape(tape.start, (*tape.stages[:-1], stage._replace(box=box)), box)
 
-    def bounded(self, tape: Tape) -> tuple[Tape, Result] | Contradiction:
-        """The tape with the bounds of all its stages together, or why they are empty."""
+    def kept(self, recent: tuple[Matrix, ...]) -> tuple[Matrix, ...]:
+        """Those of the boxes after the last rows that bounds of earlier states are cut with."""
+        lag = self.gains.fixed_lag
+        return () if lag is None else recent[-lag - 1 :]
+
+    def bounded(
+        self, tape: Tape, recent: Sequence[Matrix] = ()
+    ) -> tuple[Tape, Result] | Contradiction:
+        """The tape with the bounds of all its stages together, or why they are empty.
+
+        recent: boxes after the rows before this one, also where the tape began behind them.
+        """
         recovered = self.recovered(tape)
         if isinstance(recovered, Contradiction):
             return recovered
@@ -133,14 +143,15 @@ class Bounder:
         box = intersection(tape.box, _box(upper[: 2 * n]))
         if len(fixed):
             box = intersection(box, _box(ends.reshape(-1, 2 * n).min(axis=0)))
-        if (box[0] > box[1]).any():
+        earlier = self._reported(recent)
+        if lag is not None:
+            now = box if lag == last else _box(upper[-2 * n :])
+            earlier += [tape.stages[lag].box, now]
+        lagged = reduce(intersection, earlier) if earlier else np.full((2, n), np.nan)
+        if (box[0] > box[1]).any() or (lagged[0] > lagged[1]).any():
             return self._contradiction(window, targets, mu, tape)
         stage = tape.stages[-1]._replace(box=box)
         along = intersection(_box(upper[2 * n : 2 * n + 2 * self._further]), self._interval(box))
-        lagged = np.full((2, n), np.nan)
-        if lag is not None:
-            stored = tape.start if lag < 0 else tape.stages[lag].box
-            lagged = box if lag == last else intersection(stored, _box(upper[-2 * n :]))
         tape = Tape(tape.start, (*tape.stages[:-1], stage), box)
         return tape, Result(box, along, lagged)
 
@@ -235,8 +246,13 @@ class Bounder:
         rows = np.vstack([rows, rows[: 2 * n]])
         return Targets(rows, np.concatenate([places, np.full(2 * n, lag)])), lag
 
+    def _reported(self, recent: Sequence[Matrix]) -> list[Matrix]:
+        """The box that the row `fixed_lag` rows ago had then, where there was one before this."""
+        lag = self.gains.fixed_lag
+        return [recent[-lag]] if lag and lag <= len(recent) else []
+
     def _lagged_stage(self, tape: Tape) -> int | None:
-        """The stage that ends the row `fixed_lag` rows ago, -1 the start; None if it is gone."""
+        """The stage that ends the row `fixed_lag` rows ago; None if it is gone."""
         if self.gains.fixed_lag is None:
             return None
         ends = [k for k, stage in enumerate(tape.stages) if stage.ends_row]

@@ -8,6 +8,7 @@ prove that plant, declared bounds and data contradict each other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple
@@ -31,11 +32,11 @@ from obsdesign.runtime.set_membership.model import (
     rescaled,
     unscaled,
 )
+from obsdesign.runtime.set_membership.sample_checks import objections_to_sample
 from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
-from obsdesign.runtime.time_stamps import time_tolerance
 
 
 class _Row(NamedTuple):
@@ -92,7 +93,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         Inputs and the time of the last jump are kept. ValueError as for `init`.
         """
         box = self._box(lower, upper)
-        return state._replace(box=box, start=box, stages=(), refutation="")
+        return state._replace(box=box, start=box, stages=(), refutation="", recent=())
 
     def step(
         self, state: SetMembershipState, sample: Sample
@@ -110,7 +111,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         guard, late = state.guard.after(t, sample.jump)
         reasons = [] if row.fault is None else [row.fault]
         reasons += [late] if late else []
-        reasons += self._objections(state, sample, y, t)
+        reasons += objections_to_sample(self.gains, state, sample, y)
         following = state._replace(
             t=t, u=u, held=self._held(sample.bounds or Bounds()), guard=guard, started=True,
             sampled=state.sampled if y is None else t,
@@ -128,6 +129,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         says. ValueError if t is after the last row, or at a jump where `jump_measurement` is none.
         """
         now, measured = instant(t), self._measured(y)
+        earlier = state.recent[:-1]
         if now > state.t or not state.started:
             raise ValueError(f"a late sample must be at most at {state.t!r}; got {now!r}.")
         if measured is None:
@@ -137,18 +139,19 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         with np.errstate(over="ignore", invalid="ignore"):
             changed = with_late_strip(self._bounder, tape, now, strip)
             if tape.stages:
-                row = self._bounded(tape if changed is None else changed, tape.box)
+                row = self._bounded(tape if changed is None else changed, tape.box, earlier)
             else:  # nothing has come since the tape began
                 row = self._restarted(tape.box, None)
         reasons = [] if row.fault is None else [row.fault]
         if changed is None:
             reasons.append(f"late sample at {now:.9g} is older than the window")
-        return self._concluded(state._replace(sampled=max(state.sampled, now)), row, reasons, [])
+        state = state._replace(sampled=max(state.sampled, now), recent=earlier)
+        return self._concluded(state, row, reasons, [])
 
     def _concluded(
         self, state: SetMembershipState, row: _Row, reasons: list[str], events: list[str]
     ) -> tuple[SetMembershipState, Estimate]:
-        """The state with the tape of a row, and its estimate."""
+        """The state with the tape of a row, and its estimate; `recent` are the rows before it."""
         if not np.isfinite(row.result.box).all():
             reasons.append(BoundsFault.OVERFLOWED.value)
         refutation = state.refutation
@@ -156,9 +159,11 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             reasons.append(refutation)
         elif row.fault is not None:
             refutation = f"void since time {state.t:.9g} ({row.fault})"
+        recent = () if row.fault is not None else state.recent
         state = state._replace(
-            box=row.tape.box, start=row.tape.start, stages=row.tape.stages, refutation=refutation
-        )
+            box=row.tape.box, start=row.tape.start, stages=row.tape.stages, refutation=refutation,
+            recent=self._bounder.kept((*recent, row.result.box)),
+        )  # fmt: skip
         listed = tuple((state.t, text) for text in events + reasons)
         return state, self._estimate(state.t, row.result, listed, "; ".join(reasons) or "ok")
 
@@ -187,11 +192,15 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             if cut is None:
                 fault = bounder.contradiction(tape).sentence
             tape = Tape.beginning(free) if cut is None else cut
-        return self._bounded(tape, free) if fault is None else self._restarted(free, fault)
+        if fault is not None:
+            return self._restarted(free, fault)
+        return self._bounded(tape, free, state.recent)
 
-    def _bounded(self, tape: Tape | Contradiction, free: Matrix) -> _Row:
+    def _bounded(self, tape: Tape | Contradiction, free: Matrix, recent: Sequence[Matrix]) -> _Row:
         """The bounds of a tape; where they are empty, a tape that begins with the box `free`."""
-        bounded = tape if isinstance(tape, Contradiction) else self._bounder.bounded(tape)
+        bounded = (
+            tape if isinstance(tape, Contradiction) else self._bounder.bounded(tape, recent)
+        )  # fmt: skip
         if isinstance(bounded, Contradiction):
             return self._restarted(free, bounded.sentence)
         return _Row(*bounded, None)
@@ -244,28 +253,6 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
 
     def _held(self, own: Bounds) -> Matrix:
         return np.stack(self.declared_bounds.b.completed(own.b))
-
-    def _objections(
-        self, state: SetMembershipState, sample: Sample, y: Matrix | None, t: float
-    ) -> list[str]:
-        """Sentences on a sample that is missing or late: claimed widths are of samples in time."""
-        gains = self.gains
-        is_due = gains.measured != "at_jumps" or sample.jump
-        if sample.jump and gains.jump_measurement == "none":
-            is_due = False
-        sentences = []
-        if gains.period is not None and gains.measured == "periodic" and state.started:
-            apart = t - state.sampled
-            slack = time_tolerance(apart, t)
-            is_due = is_due and apart >= gains.period - slack
-            if y is not None and apart > gains.period + slack:
-                limit = f"above {gains.period:.9g}"
-                sentences.append(f"time {apart:.9g} since the last sample, {limit}")
-        absent = [] if y is None else [f"y{i + 1}" for i in np.flatnonzero(np.isnan(y))]
-        if is_due and (y is None or absent):
-            which = f" of {' '.join(absent)}" if absent else ""
-            sentences.insert(0, f"missing sample{which}")
-        return sentences
 
     def _estimate(
         self, t: float, result: Result, events: tuple[tuple[float, str], ...], status: str

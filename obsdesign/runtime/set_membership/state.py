@@ -15,6 +15,7 @@ class SetMembershipState(NamedTuple):
     box (2, n): bounds of z; start (2, n): bounds before the oldest of the stages; u: input that
     holds; held (2, k): bounds of the flow's disturbance up to the next row; sampled: time of the
     last measurement; refutation: since when, and why, the bounds are void, "" while they hold.
+    recent: the boxes after the last rows, the latest one last: one more than `fixed_lag` at most.
     """
 
     t: float
@@ -27,3 +28,4 @@ class SetMembershipState(NamedTuple):
     started: bool
     sampled: float
     refutation: str = ""
+    recent: tuple[Matrix, ...] = ()

@@ -15,7 +15,7 @@ from obsdesign.equations.finite_time.gains import METHODS
 from obsdesign.equations.impulsive import gains as impulsive
 from obsdesign.equations.interval import gains as interval
 from obsdesign.errors import InputError
-from obsdesign.kinds import KINDS
+from obsdesign.kinds import KINDS, kind_named
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import ComparisonRow, filtered, run
@@ -37,17 +37,20 @@ def compare(
     record: ComparisonRecord,
     initial: Sequence[float] | None = None,
     *,
+    kinds: Sequence[str] = KINDS,
     seconds: float | None = None,
 ) -> Iterator[ComparisonRow]:
-    """One row per observer that the plant admits, then the filter.
+    """One row per observer of these kinds that the plant admits, then the filter.
 
     Every kind with the problem's options, then its other variants. initial: x1_lo, x1_hi, ... at
     the first row; point observers begin in the middle. By default bounds around zero that are as
-    far from it as the true state is, and a unit beyond. seconds: of processor time that searches
-    may take in all.
+    far from it as the true state is, and a unit beyond. kinds: in any order. seconds: of processor
+    time that searches may take in all. InputError for a name that is no kind.
     """
+    for kind in kinds:
+        kind_named(kind)
     start = _initial(problem, record, initial)
-    for (kind, value), outcome in _designs(problem, seconds).items():
+    for (kind, value), outcome in _designs(problem, kinds, seconds).items():
         yield _row(kind, outcome, record, start, value)
     yield filtered(problem.plant, record, start)
 
@@ -64,12 +67,12 @@ def compare_with_kalman(
 
 
 def _designs(
-    problem: Problem, seconds: float | None
+    problem: Problem, kinds: Sequence[str], seconds: float | None
 ) -> dict[tuple[str, str], workflow.Outcome | InputError]:
     """(kind, variant) -> outcome or refusal; the variant is "" with the problem's own options."""
     outcomes: dict[tuple[str, str], workflow.Outcome | InputError] = {}
     own: dict[tuple[str, str], Problem] = {}
-    for kind in KINDS:
+    for kind in (kind for kind in KINDS if kind in kinds):
         try:
             own[kind, ""] = problem.for_kind(kind)[0]
         except InputError as error:

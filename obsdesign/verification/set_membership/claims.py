@@ -9,6 +9,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
+from lmi.verdict import undecided
 from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
 from obsdesign.document import Claim
 from obsdesign.equations.gains import plant_data
@@ -49,7 +50,33 @@ def claims(
     least = optimal_claims(
         gains, pattern, certificates.get("optimal", {}), width[0] if width else None
     )
-    return (agreement, *observable, *width, *least)
+    return (agreement, *observable, *without_contradiction(width, least))
+
+
+def without_contradiction(
+    width: tuple[Claim, ...], least: tuple[Claim, ...]
+) -> tuple[Claim, ...]:  # fmt: skip
+    """Both claims; undecided where a least possible width is above the certified one.
+
+    Both are proved from the file alone: one of the proofs is then wrong, and neither is believed.
+    """
+    claims = (*width, *least)
+    if any(claim.verdict != "proved" for claim in claims):
+        return claims
+    pairs = zip(
+        (x for claim in width for x in claim.evidence["always"]),
+        (x for claim in least for x in claim.evidence["least"]),
+        strict=False,
+    )
+    crossed = [(i, above, below) for i, (above, below) in enumerate(pairs) if not below <= above]
+    if not crossed:
+        return claims
+    i, above, below = crossed[0]
+    verdict = undecided(
+        f"two proofs contradict each other: the least possible width of x{i + 1} is {below!r}, the "
+        f"certified one {above!r}. This is an error of the program; please report it"
+    )
+    return tuple(Claim.from_verdict(x.id, x.statement, x.source, verdict) for x in claims)
 
 
 def _expected(problem: Problem, stored: Entries) -> NewEntries:

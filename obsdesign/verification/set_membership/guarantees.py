@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from lmi.arithmetic.arrays import Entries
@@ -21,7 +22,6 @@ _CONTRADICTION = (
     "Bounds that cross prove that plant, declared bounds and data contradict each other; the "
     "samples whose multipliers prove it are named."
 )
-_NUMBERS = ("width", "best", "ratio")
 
 
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
@@ -29,18 +29,13 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     verdicts = {claim.id: claim.verdict for claim in claims}
     sentences = [(_ENCLOSURE, ["consistent"]), (_CONTRADICTION, ["consistent"])]
     rows = states(problem, claims)
-    widths, best, ratio = ([getattr(row, key) for row in rows] for key in _NUMBERS)
+    widths = [row.width for row in rows]
     if None not in widths:
         above = _shown(widths, ROUND_CEILING)
         text = f"With {pattern_of(problem.plant)}, the width after a row comes to at most {above}."
         sentences += [(text, ["width"]), (ROUNDED_WIDTHS, ["width"])]
-        if None not in best:
-            least, times = _shown(best, ROUND_FLOOR), _shown(ratio, ROUND_CEILING)
-            text = (
-                f"No observer can guarantee widths below {least} after all of these rows: the "
-                f"certified width is at most {times} times the least possible one."
-            )
-            sentences.append((text, ["width", "optimal"]))
+        least = _least_possible(rows)
+        sentences += [] if least is None else [(least, ["width", "optimal"])]
     return tuple(Guarantee.from_verdicts(text, names, verdicts) for text, names in sentences)
 
 
@@ -69,6 +64,23 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
     )
 
 
+def _least_possible(rows: Sequence[StateWidths]) -> str | None:
+    """Ratio of certified and least possible widths in a sentence; None where all of these are 0.
+
+    States with a least width of 0 are left out: nothing is known of how near theirs are.
+    """
+    known = [row for row in rows if row.best and row.ratio is not None]
+    if not known:
+        return None
+    least = _shown([row.best for row in known], ROUND_FLOOR)
+    times = _shown([row.ratio for row in known], ROUND_CEILING)
+    of = "" if len(known) == len(rows) else f" of {', '.join(row.name for row in known)}"
+    return (
+        f"No observer can guarantee widths{of} below {least} after all of these rows: the "
+        f"certified width is at most {times} times the least possible one."
+    )
+
+
 def _shown(values: list[float | None], rounding: str) -> str:
-    """Text of a vector in six digits, a dash where there is no number."""
-    return "(" + ", ".join("-" if x is None else six_digits(x, rounding) for x in values) + ")"
+    """Text of a vector in six digits."""
+    return "(" + ", ".join(six_digits(x, rounding) for x in values if x is not None) + ")"

@@ -215,6 +215,7 @@ def test_a_stream_resumes_from_its_file() -> None:
         (state, one), (again, other) = observer.step(state, sample), observer.step(again, sample)
         assert np.array_equal(one.lower, other.lower)
         assert np.array_equal(one.upper, other.upper)
+        assert np.array_equal(one.lagged, other.lagged)
 
 
 def test_a_strip_cuts_a_box_that_is_unbounded_on_one_side() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -232,6 +233,8 @@ def test_bounds_of_rows_are_used_as_run_uses_them(tmp_path: Path, columns: str) 
         (["--initial", "1,0,0,1"], "lo <= hi"),
         (["--data", "none.csv"], "none.csv: cannot be read"),
         (["--data", "x.csv", "--until", "3"], "--data takes no"),
+        (["--kinds", "interval,kalman"], "--kinds: kind must be one of interval, set_membership"),
+        (["--kinds", ""], "got ''"),
     ],
 )
 def test_bad_requests(arguments: list[str], line: str) -> None:
@@ -239,6 +242,36 @@ def test_bad_requests(arguments: list[str], line: str) -> None:
         cli, ["compare", str(EXAMPLES / "degue_4_1.toml"), *arguments], standalone_mode=False
     )
     assert line in str(done.exception)
+
+
+def test_the_kinds_of_a_comparison_are_those_stated() -> None:
+    """In the order of the table, each with the numbers it has alone; nothing else is designed."""
+    problem, kinds = load("degue_4_1"), ["luenberger", "set_membership", "impulsive"]
+    record = ComparisonRecord.from_simulation(problem.plant, until=4.0)
+    rows = list(compare(problem, record, kinds=kinds))
+    assert [row.kind for row in rows] == ["set_membership", "luenberger", "impulsive", REFERENCE]
+    for kind in kinds:
+        alone = list(compare(problem, record, kinds=[kind]))
+        assert [replace(row, seconds=None) for row in alone] == [
+            replace(row, seconds=None) for row in rows if row.kind in (kind, REFERENCE)
+        ]
+    done = CliRunner().invoke(
+        cli,
+        ["compare", str(EXAMPLES / "degue_4_1.toml"), "--until", "4", "--json",
+         "--kinds", "impulsive, luenberger"],
+        standalone_mode=False,
+    )  # fmt: skip
+    listed = [row["kind"] for row in json.loads(done.stdout)["result"]["rows"]]
+    assert listed == ["luenberger", "impulsive", REFERENCE]
+
+
+def test_a_name_that_is_no_kind_is_refused() -> None:
+    problem = load("degue_4_1")
+    record = ComparisonRecord.from_simulation(problem.plant, until=4.0)
+    with pytest.raises(
+        obsdesign.InputError, match=r"kind must be one of interval, .*; got 'kalman'"
+    ):
+        list(compare(problem, record, kinds=["interval", "kalman"]))
 
 
 def test_the_table_names_what_runs_and_why_the_rest_does_not() -> None:

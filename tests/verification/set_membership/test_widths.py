@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample
+from obsdesign.verification.set_membership import claims as set_membership_claims
 from obsdesign.workflow import Outcome, investigate
 from tests.systems.feasible_set import Program
 from tests.systems.nominal_patterns import body_of, silent_samples
@@ -217,6 +219,7 @@ def test_what_no_observer_can_guarantee_is_never_above_what_one_does(noise: list
     states = obsdesign.investigate(obsdesign.Problem.from_dict(body)).result["states"]
     for row in states:
         assert row["best"] is None or row["best"] <= row["width"]
+    assert all(row["ratio"] is None or row["best"] > 0 for row in states)
     if noise == [0.3, 1.0]:
         assert all(row["best"] > 0 for row in states)
 
@@ -276,3 +279,55 @@ def test_a_pattern_has_samples_where_jumps_hide_them(dwell: list[Any], words: st
     body = body_of("degue", 0.5, dwell, window=8)
     body["output"]["jump_measurement"] = "none"
     assert words in claim(_investigated(body), "width").statement
+
+
+@pytest.mark.parametrize(
+    ("noise", "b", "sentence"),
+    [
+        ([0.0, 0.0], [0.1, 0.1], None),
+        ([0.0, 1.0], [0.0, 0.1], "No observer can guarantee widths of x2 below (0."),
+        ([0.3, 1.0], [0.1, 0.1], "No observer can guarantee widths below (0."),
+    ],
+)
+def test_a_least_width_of_zero_has_no_ratio(
+    noise: list[float], b: list[float], sentence: str | None
+) -> None:
+    body = copy.deepcopy(TINY)
+    body["output"] |= {"C": [[1, 0], [0, 1]], "noise_bound": noise}
+    body["flow"] = {"A": [[-1, 0], [0, -2]], "disturbance": {"lower": [-x for x in b], "upper": b}}
+    design = _investigated(body).design
+    assert design is not None
+    stated = [one.statement for one in design.guarantees if "No observer" in one.statement]
+    assert len(stated) == (sentence is not None)
+    for text in stated:
+        assert sentence is not None
+        assert text.startswith(sentence)
+    assert not any("-," in one.statement or "(-" in one.statement for one in design.guarantees)
+
+
+@pytest.mark.parametrize("excess", [0.5, 0.0])
+def test_two_proofs_that_contradict_each_other_prove_nothing(
+    monkeypatch: pytest.MonkeyPatch, excess: float
+) -> None:
+    """A forged least width above the certified one of x2; the twin below it is believed."""
+    problem = Problem.from_dict(body_of("rand2_21", 0.1, window=8))
+    honest = set_membership_claims.optimal_claims
+
+    def forged(*args: Any) -> tuple[Claim, ...]:
+        (least,) = honest(*args)
+        above = args[-1].evidence["always"][1] + excess
+        evidence = {**least.evidence, "least": [least.evidence["least"][0], above]}
+        return (replace(least, evidence=evidence),)
+
+    monkeypatch.setattr(set_membership_claims, "optimal_claims", forged)
+    outcome = investigate(problem)
+    if not excess:
+        assert outcome.verdict == "proved"
+        return
+    assert outcome.verdict == "undecided"
+    for name in ("width", "optimal"):
+        assert claim(outcome, name).verdict == "undecided"
+        reason = claim(outcome, name).evidence["reason"]
+        assert reason.startswith("two proofs contradict each other: the least possible width of x2")
+    assert all(row["width"] is row["best"] is row["ratio"] is None
+               for row in outcome.result["states"])  # fmt: skip
