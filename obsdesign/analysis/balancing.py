@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
+from obsdesign.problem.plant import Plant
 
 # rounds of least squares in which entries far from all others lose weight
 _REWEIGHTED = 8
@@ -48,8 +49,14 @@ class BalancedPlant:
     C: Matrix
 
     @classmethod
+    def from_plant(cls, plant: Plant) -> BalancedPlant:
+        """With its jumps, which tie states together too."""
+        G = None if plant.jump is None else plant.jump.G
+        return cls.from_matrices(plant.flow.A, plant.output.C, G)
+
+    @classmethod
     def from_matrices(cls, A: Matrix, C: Matrix, G: Matrix | None = None) -> BalancedPlant:
-        """Rows of C are of length one; jumps G (n, n) tie states together too."""
+        """Rows of C are of length one; G (n, n): of jumps."""
         with np.errstate(all="ignore"):
             sizes = np.exp2(_even_bits(A, C, G=G))
             flow = A * sizes / sizes[:, None]
@@ -60,6 +67,10 @@ class BalancedPlant:
         pace = float(np.abs(flow).max(initial=0.0)) or 1.0
         return cls(sizes, rows, pace, flow / pace, C * sizes / rows[:, None])
 
+    def scaled(self, factor: float) -> BalancedPlant:
+        """The same in units larger by a common factor."""
+        return replace(self, sizes=self.sizes * factor, rows=self.rows * factor)
+
     def map(self, X: Array) -> Array:
         """A map (..., n, n) of x as one of z."""
         return np.asarray(X * self.sizes / self.sizes[:, None])
@@ -69,9 +80,7 @@ class BalancedPlant:
         return np.asarray(self.sizes[:, None] * self.pace * L / self.rows)
 
 
-def _even_bits(
-    A: Matrix, C: Matrix, *, G: Matrix | None = None, D: Matrix | None = None
-) -> Matrix:
+def _even_bits(A: Matrix, C: Matrix, *, G: Matrix | None = None, D: Matrix | None = None) -> Matrix:
     """Binary logarithms (n,) of sizes that bring most entries of A, C, G, D to one magnitude each.
 
     That of A is its pace; of G, which ties states without a unit of time, one. Sums of magnitudes

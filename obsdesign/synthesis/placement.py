@@ -181,9 +181,7 @@ class _Placement:
         starts = [np.zeros((len(self.A), len(self.C)))]
         if len(self.C) > 1:
             plant, random = self.balanced, np.random.default_rng(0)
-            robust = (
-                None if self.hidden else robust_gain(plant.A, plant.C, wanted / plant.pace)
-            )
+            robust = None if self.hidden else robust_gain(plant.A, plant.C, wanted / plant.pace)
             if robust is not None:
                 starts.insert(0, plant.flow_gain(robust))
                 yield starts[0], ROUNDING

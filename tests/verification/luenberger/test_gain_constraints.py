@@ -309,7 +309,9 @@ def test_a_region_at_jumps_needs_jumps() -> None:
         **TANKS,
         "observer": {"kind": "luenberger", "region": {"jump_disc": {"centre": 0, "radius": 1}}},
     }
-    with pytest.raises(obsdesign.InputError, match=r"jump_disc needs jumps; \[jump\] is missing"):
+    with pytest.raises(
+        obsdesign.InputError, match=r"^\[jump\] is required by observer.region.jump_disc; it"
+    ):
         obsdesign.Problem.from_dict(body)
 
 
@@ -344,7 +346,7 @@ def test_a_gain_at_jumps_of_a_plant_without_jumps_is_refused(option: dict[str, A
         "output": {"C": [[0, 1]]},
         "observer": {"kind": "luenberger", **option},
     }
-    with pytest.raises(obsdesign.InputError, match=r"\.M needs jumps; \[jump\] is missing"):
+    with pytest.raises(obsdesign.InputError, match=r"^\[jump\] is required by observer\..*\.M; it"):
         obsdesign.Problem.from_dict(body)
     # the twin: of L it may be said
     (name, entry) = next(iter(option.items()))
