@@ -81,9 +81,9 @@ class BalancedPlant:
 
 
 def _even_bits(A: Matrix, C: Matrix, *, G: Matrix | None = None, D: Matrix | None = None) -> Matrix:
-    """Binary logarithms (n,) of sizes that bring most entries of A, C, G, D to one magnitude each.
+    """Binary logarithms (n,) of sizes that make most entries of each matrix alike.
 
-    That of A is its pace; of G, which ties states without a unit of time, one. Sums of magnitudes
+    Those of A as large as its pace, those of G as one, since it has no unit of time. Sums of magnitudes
     by reweighted least squares: an entry that is mere rounding counts little. Linear in logarithms,
     so that other units of x, y or d move the answer by exactly those, the common factor aside.
     Source: Curtis, Reid, On the automatic scaling of matrices for Gaussian elimination (1972).

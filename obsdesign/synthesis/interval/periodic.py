@@ -38,6 +38,7 @@ from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
 from obsdesign.synthesis.interval.constraints import diagonal_constraints, program_minimum
 from obsdesign.synthesis.interval.coordinates import bases, eigenbasis
 from obsdesign.synthesis.interval.task import (
+    at_most,
     balanced_units,
     given_limit,
     sampling_limit,
@@ -184,7 +185,7 @@ class SampledPlant:
 
     def whole(self, L: Matrix) -> Matrix:
         """A gain of z in the plant's coordinates."""
-        return np.clip(self.S @ L / self.rows, -self.gain_limit, self.gain_limit)
+        return at_most(self.gain_limit, self.S @ L / self.rows)
 
     def outward(self, L: Matrix) -> Matrix:
         """L in the plant's coordinates, in few digits where they cost nothing."""

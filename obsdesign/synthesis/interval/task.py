@@ -137,8 +137,7 @@ class Task:
         """A gain in the plant's coordinates, with the zeros and the norm of its constraints."""
         entry = self.constraints.get(name)
         whole = self.S @ K / self.rows
-        if self.open_L if name == "L" else self.open_M:
-            whole = np.clip(whole, -self.gain_limit, self.gain_limit)
+        whole = at_most(self.gain_limit, whole)
         return whole if entry is None else entry.rounded(whole)
 
     def within(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
@@ -238,6 +237,11 @@ def width_weights(problem: Problem) -> Matrix:
 def sampling_limit(problem: Problem, S: Matrix | None, units: BalancedPlant) -> Matrix:
     """Cap of the gain at samples in z, (n, p): the given one, or more than any plant needs."""
     return _caps(problem, S, units, _DEFAULT_LIMIT["feasible"])
+
+
+def at_most(limit: float, K: Matrix) -> Matrix:
+    """A gain without what rounding alone took beyond the limit."""
+    return np.where(np.abs(K) <= limit * (1 + ROUNDING), np.clip(K, -limit, limit), K)
 
 
 def given_limit(problem: Problem) -> float:
