@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import secrets
 import signal
 import stat
-import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -79,7 +77,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[TextIO]:
 @contextmanager
 def _temporary_file(target: Path) -> Iterator[TextIO]:
     """A new file in the folder of `target`, which it replaces when the block ends well."""
-    name = target.with_name(f".obsdesign-{secrets.token_hex(8)}")
+    name = target.with_name(f".obsdesign-{os.urandom(8).hex()}")
     with unwinding_signals():
         try:
             # opened by name, not by `tempfile`: the system then applies umask and default rights
@@ -96,6 +94,8 @@ def _temporary_file(target: Path) -> Iterator[TextIO]:
 @contextmanager
 def temporary_folder() -> Iterator[str]:
     """A folder that is gone when the block ends, by SIGTERM and SIGHUP too."""
+    import tempfile  # slow to import, and rarely needed
+
     with unwinding_signals(), tempfile.TemporaryDirectory() as folder:
         yield folder
 

@@ -9,6 +9,8 @@ Source: E. E. Osborne, On pre-conditioning of matrices, J. ACM 7 (1960), 338-345
 
 from __future__ import annotations
 
+from operator import add, sub
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,18 +59,17 @@ def reachable(edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _osborne(weights: Array) -> Array:
     """Units of states all of which depend on each other; in bits, the smallest 0."""
-    n = len(weights)
-    units = np.zeros(n)
-    if n == 1:
-        return units
-    for _ in range(_SWEEPS):
+    # numpy costs more than sums of so few floats
+    rows, columns = weights.tolist(), weights.T.tolist()
+    units = [0.0] * len(rows)
+    for _ in range(_SWEEPS if len(units) > 1 else 0):
         largest = 0.0
-        for i in range(n):
-            row = float((weights[i] + units).max()) - units[i]
-            column = float((weights[:, i] - units).max()) + units[i]
+        for i, unit in enumerate(units):
+            row = max(map(add, rows[i], units)) - unit
+            column = max(map(sub, columns[i], units)) + unit
             step = (row - column) / 2
             units[i] += step
             largest = max(largest, abs(step))
         if largest <= _SETTLED:
             break
-    return np.asarray(units - units.min())
+    return np.array(units) - min(units)

@@ -1,13 +1,19 @@
-"""Diagonal scaling of states and time by powers of two that balances the plant."""
+"""Diagonal scaling of states, outputs and time that balances the plant."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.spectrum import spectral_radius
+from obsdesign.problem.plant import Plant
 
 # rounds of least squares in which entries far from all others lose weight
 _REWEIGHTED = 8
+# binary logarithm of the largest ratio of two sizes
+_LARGEST_RATIO = 500
 
 
 def balancing_units(A: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, float]:
@@ -19,7 +25,7 @@ def balancing_units(A: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, float]:
     from scipy.linalg import matrix_balance
 
     with np.errstate(all="ignore"):
-        start = _even_units(A, C, D)
+        start = np.exp2(np.round(_even_bits(A, C, D=D)))
         scaled = A * start / start[:, None]
         if not np.isfinite(scaled).all():
             start, scaled = np.ones(len(A)), A
@@ -27,27 +33,81 @@ def balancing_units(A: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, float]:
         return np.asarray(start * sizes), float(np.abs(balanced).max(initial=0.0)) or 1.0
 
 
-def _even_units(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
-    """Return sizes (n,) that bring most entries of A, C and D to one magnitude each.
+@dataclass(frozen=True)
+class BalancedPlant:
+    """A plant in units of its own, which do not depend on those of its file.
 
-    Sums of magnitudes by reweighted least squares: an entry that is mere rounding counts little.
-    Linear in logarithms, so that other units of x, y, d or t move the answer by exactly those.
+    x = diag(sizes) z, y = diag(rows) times the output in these units, and `pace` of their units of
+    time to one of the file: A (n, n), C (p, n) are maps of z. No powers of two: those next to the
+    sizes would depend on the units of the file.
+    """
+
+    sizes: Matrix
+    rows: Matrix
+    pace: float
+    A: Matrix
+    C: Matrix
+
+    @classmethod
+    def from_plant(cls, plant: Plant) -> BalancedPlant:
+        """With its jumps, which tie states together too."""
+        G = None if plant.jump is None else plant.jump.G
+        return cls.from_matrices(plant.flow.A, plant.output.C, G)
+
+    @classmethod
+    def from_matrices(cls, A: Matrix, C: Matrix, G: Matrix | None = None) -> BalancedPlant:
+        """Rows of C are of length one; G (n, n): of jumps."""
+        with np.errstate(all="ignore"):
+            sizes = np.exp2(_even_bits(A, C, G=G))
+            flow = A * sizes / sizes[:, None]
+            if not (np.isfinite(flow).all() and np.isfinite(C * sizes).all()):
+                sizes, flow = np.ones(len(A)), A
+        lengths = np.linalg.norm(C * sizes, axis=1)
+        rows = np.where(lengths > 0, lengths, 1.0)
+        pace = float(np.abs(flow).max(initial=0.0)) or 1.0
+        return cls(sizes, rows, pace, flow / pace, C * sizes / rows[:, None])
+
+    def scaled(self, factor: float) -> BalancedPlant:
+        """The same in units larger by a common factor."""
+        return replace(self, sizes=self.sizes * factor, rows=self.rows * factor)
+
+    def map(self, X: Array) -> Array:
+        """A map (..., n, n) of x as one of z."""
+        return np.asarray(X * self.sizes / self.sizes[:, None])
+
+    def flow_gain(self, L: Array) -> Array:
+        """A gain (n, p) of A - L C in these units as one of the file."""
+        return np.asarray(self.sizes[:, None] * self.pace * L / self.rows)
+
+
+def _even_bits(A: Matrix, C: Matrix, *, G: Matrix | None = None, D: Matrix | None = None) -> Matrix:
+    """Binary logarithms (n,) of sizes that make most entries of each matrix alike.
+
+    Those of A as large as its pace, those of G as one, since it has no unit of time. Sums of magnitudes
+    by reweighted least squares: an entry that is mere rounding counts little. Linear in logarithms,
+    so that other units of x, y or d move the answer by exactly those, the common factor aside.
     Source: Curtis, Reid, On the automatic scaling of matrices for Gaussian elimination (1972).
     """
-    (n, q), p = D.shape, len(C)
+    n, p = len(A), len(C)
+    q = 0 if D is None else D.shape[1]
+    # independent of the units of x; without cycles there is none, and other units of t make others
+    pace = float(np.log2(spectral_radius(np.abs(A)) or 1.0))
+    ties = [(A, 0, 0, pace), (C, n, 0, 0.0)]
+    ties += [] if G is None else [(G, 0, 0, 0.0)]
+    ties += [] if D is None else [(D, 0, n + p, 0.0)]
     rows, values = [], []
-    for X, to, start, pace in ((A, 0, 0, 1.0), (C, n, 0, 0.0), (D, 0, n + p, 0.0)):
+    for X, to, start, size in ties:
         for i, j in zip(*np.nonzero(X), strict=True):
             if to + i != start + j:
-                row = np.zeros(n + p + q + 1)
-                row[[to + i, start + j, -1]] = 1.0, -1.0, pace
+                row = np.zeros(n + p + q)
+                row[[to + i, start + j]] = 1.0, -1.0
                 rows.append(row)
-                values.append(np.log2(abs(X[i, j])))
+                values.append(np.log2(abs(X[i, j])) - size)
     if not rows:
-        return np.ones(n)
+        return np.zeros(n)
     table, bits, weights = np.array(rows), np.array(values), np.ones((len(rows), 1))
     for _ in range(_REWEIGHTED):
         logarithms = np.linalg.lstsq(weights * table, weights[:, 0] * bits, rcond=None)[0]
         weights = np.maximum(np.abs(table @ logarithms - bits), 1.0)[:, None] ** -0.5
-    relative = np.round(logarithms[:n] - logarithms[0])  # the common factor is free
-    return np.asarray(np.exp2(np.clip(relative, -500, 500)))
+    relative = logarithms[:n] - logarithms[0]  # the common factor is free
+    return np.asarray(np.clip(relative, -_LARGEST_RATIO, _LARGEST_RATIO))

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
-from obsdesign.analysis.balancing import balancing_units
+from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 
 # decay rates that are tried in turn, beyond the stated one, in parts of the plant's fastest mode
@@ -26,10 +24,8 @@ def riccati_shift(A: Matrix, C: Matrix, rate: float) -> float:
 
     Less than the rate where an unobservable mode does not decay so fast, which leaves no solution.
     """
-    sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
-    rows = C * sizes
-    rows = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
-    modes = approx_unobservable_modes(A * sizes / sizes[:, None] / pace, rows)
+    plant = BalancedPlant.from_matrices(A, C)
+    pace, modes = plant.pace, approx_unobservable_modes(plant.A, plant.C)
     rates = [
         mode.eigenvalue.real + rate / pace + _MARGIN * (1 + abs(mode.eigenvalue.real))
         for mode in modes

@@ -177,10 +177,10 @@ def _check(
     stated: dict[str, Mapping[str, object]] = {
         "gain_norm": norms or {}, "structure": patterns or {}, "region": regions or {}
     }  # fmt: skip
-    if plant.jump is None:
-        for option, table in stated.items():
-            for name in {"M", "jump_disc"} & set(table):
-                raise InputError(f"observer.{option}.{name} needs jumps; [jump] is missing.")
+    for name, table in stated.items():
+        for part in {"M", "jump_disc"} & set(table):
+            if reason := plant.reason_without("jump", needed_by=f"observer.{name}.{part}"):
+                raise InputError(reason)
     if regions and plant.output.measured == "periodic":
         raise InputError(
             "observer.region is about A - L C and the error's matrix at jumps, on which no gain "

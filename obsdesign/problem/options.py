@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING
 
 from obsdesign.errors import InputError
 from obsdesign.problem.gain_constraints import ConstrainedGains
-from obsdesign.problem.options_base import Options, check_count, check_weights, option
+from obsdesign.problem.options_base import (
+    POLES,
+    WEIGHTS,
+    Options,
+    check_count,
+    check_longest_dwell_time,
+    check_weights,
+    option,
+)
 from obsdesign.problem.schema import (
     FLAG,
     NONNEGATIVE,
@@ -30,11 +38,6 @@ if TYPE_CHECKING:
     from obsdesign.problem.plant import Plant
 
 Pole = float | tuple[float, float]
-
-_POLES = "Poles of the error's flow, one per state of it; one of a conjugate pair stands for both."
-_WEIGHTS = (
-    "Diagonal weights of the Riccati equation for L, in the plant's coordinates; default ones."
-)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,11 +119,11 @@ class SetMembershipOptions(Options):
 class LuenbergerOptions(ConstrainedGains):
     """Options of kind luenberger."""
 
-    poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
+    poles: tuple[Pole, ...] | None = option(ref("poles"), POLES)
     decay_rate: float = option(
         NONNEGATIVE, "Exponential decay that is required, per unit of time.", default=0.0
     )
-    weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
+    weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), WEIGHTS)
     schedule: int | tuple[float, ...] | None = option(
         {
             "anyOf": [{"type": "integer", "minimum": 2}, POSITIVE_LIST],
@@ -172,8 +175,10 @@ class ImpulsiveOptions(Options):
     )
 
     def check(self, plant: Plant) -> None:
-        """InputError unless there is a noise target per state."""
+        """InputError unless there is a noise target per state and a strategy for the range."""
         check_count("noise_target", self.noise_target, plant.n, "state")
+        if self.strategy in ("subspace", "quadratic"):
+            check_longest_dwell_time(f"observer.strategy = {self.strategy!r}", plant)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -281,8 +286,8 @@ class ImpulsiveInputOptions(Options):
 class UnknownInputOptions(Options):
     """Options of kind unknown_input."""
 
-    poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
-    weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
+    poles: tuple[Pole, ...] | None = option(ref("poles"), POLES)
+    weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), WEIGHTS)
     differentiator: str | None = option(
         one_of("cell", "damped", "batch", "fixed_lag"),
         "How the output is differentiated. Default: fixed_lag where every output has a noise_std, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, ClassVar, Self
@@ -12,6 +13,13 @@ from obsdesign.problem.schema import Fragment, file_entry
 
 if TYPE_CHECKING:
     from obsdesign.problem.plant import Plant
+
+# texts of options that several kinds have
+POLES = "Poles of the error's flow, one per state of it; one of a conjugate pair stands for both."
+WEIGHTS = (
+    "Diagonal weights of the Riccati equation for L, in the plant's coordinates, ones where one "
+    "is absent; without weights ones in units that balance the plant."
+)
 
 
 def option(
@@ -70,4 +78,13 @@ def check_count(name: str, values: tuple[object, ...] | None, count: int, item: 
         raise InputError(
             f"observer.{name} must have {count} {'entry' if count == 1 else 'entries'}, "
             f"one per {item}; got {len(values)}."
+        )
+
+
+def check_longest_dwell_time(entry: str, plant: Plant) -> None:
+    """InputError where jumps may stay away for ever, for what is built for a longest dwell time."""
+    if plant.jump and plant.jump.dwell_time and math.isinf(plant.jump.dwell_time[1]):
+        raise InputError(
+            f"{entry} is built for a longest dwell time: jump.dwell_time[1] must be finite; "
+            "got inf."
         )

@@ -197,7 +197,7 @@ class Output(Block):
         if self.period is not None:
             set_fields(self, period=positive(real(self.period, "output.period"), "output.period"))
         elif self.measured == "periodic":
-            raise InputError("output.period is required when measured = 'periodic'; it is missing.")
+            raise InputError(_required("output.period", "output.measured = 'periodic'", "it"))
 
     @property
     def noise_centre(self) -> Matrix | None:
@@ -242,8 +242,32 @@ class Plant:
                 self, jump=self.jump.completed(n, f"one per state of flow.A ({size_text(A)})")
             )
         if self.output.measured == "at_jumps" and self.jump is None:
-            raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
+            raise InputError(_required("jump", "output.measured = 'at_jumps'", "it"))
         set_fields(self, n=n, p=len(C))
+
+    def reason_without(self, *entries: str, needed_by: str) -> str | None:
+        """Reason against a plant that lacks one of these entries, or None; one sentence.
+
+        entries: optional ones, as "flow.D", "jump", "jump.H"; needed_by: what requires them.
+        """
+        for entry in entries:
+            value: Value = self
+            for name in entry.split("."):
+                value = getattr(value, name)
+                if value is None:
+                    absent = "[jump]" if name == "jump" and name != entry else "it"
+                    return _required(entry, needed_by, absent, self.p)
+        return None
+
+
+def _required(entry: str, needed_by: str, absent: str, p: int = 1) -> str:
+    """The sentence about an entry that is missing; p: number of outputs."""
+    written = {"jump": "[jump]", "jump.dwell_time": "jump.dwell_time = [shortest, longest]"}
+    hint = ""
+    if entry == "output.noise_bound":
+        needed_by += ", which guarantees bounds"
+        hint = f" If y is free of noise, write noise_bound = [{', '.join(['0.0'] * p)}]."
+    return f"{written.get(entry, entry)} is required by {needed_by}; {absent} is missing.{hint}"
 
 
 def _dwell_time(values: Value) -> tuple[float, float] | None:

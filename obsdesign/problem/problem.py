@@ -127,14 +127,7 @@ class Problem:
         kind unless it is given.
         """
         needed_by = needed_by or f"kind {self.kind!r}"
-        for entry in entries:
-            value: Value = self.plant
-            for name in entry.split("."):
-                value = getattr(value, name)
-                if value is None:
-                    absent = "[jump]" if name == "jump" and name != entry else "it"
-                    return _required(entry, needed_by, absent, self.plant.p)
-        return None
+        return self.plant.reason_without(*entries, needed_by=needed_by)
 
     def reason_unless_measured(self, *fitting: str) -> str | None:
         """Reason against a problem that is not measured in one of these ways, or None."""
@@ -200,16 +193,6 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
         body |= {"observer": observer}
     with naming(path):
         return Problem.from_dict(body), dropped
-
-
-def _required(entry: str, needed_by: str, absent: str, p: int) -> str:
-    """The sentence about an entry that is missing; p: number of outputs."""
-    written = {"jump": "[jump]", "jump.dwell_time": "jump.dwell_time = [shortest, longest]"}
-    hint = ""
-    if entry == "output.noise_bound":
-        needed_by += ", which guarantees bounds"
-        hint = f" If y is free of noise, write noise_bound = [{', '.join(['0.0'] * p)}]."
-    return f"{written.get(entry, entry)} is required by {needed_by}; {absent} is missing.{hint}"
 
 
 def _as_block(value: Value) -> Value:

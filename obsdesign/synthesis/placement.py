@@ -22,7 +22,7 @@ from lmi.arithmetic.balls import (
     solve_entries,
     to_float,
 )
-from obsdesign.analysis.balancing import balancing_units
+from obsdesign.analysis.balancing import BalancedPlant, balancing_units
 from obsdesign.analysis.hidden_modes import Mode, approx_unobservable_modes, hidden_part
 from obsdesign.analysis.riccati import riccati_shift
 from obsdesign.analysis.stated_poles import (
@@ -50,17 +50,17 @@ def riccati_gain(
     """Steady-state Kalman gain, (n, p), of A + rate I.
 
     weights: {"state": n, "output": p} positive variances of process and measurement noise; by
-    default ones, in the plant's own unit of time and of each output. Unobservable modes
-    that do not decay at `rate` are left as they are; all others of A - L C then decay faster than
-    `rate`. numpy.linalg.LinAlgError if the equation has no finite solution in floats.
+    default ones, in `BalancedPlant`. Unobservable modes that do not decay at `rate` are left as
+    they are; all others of A - L C then decay faster than `rate`. numpy.linalg.LinAlgError if the
+    equation has no finite solution in floats.
     """
     n, p = len(A), len(C)
     if not weights:
-        pace, size = float(np.abs(A).max()) + rate or 1.0, np.linalg.norm(C, axis=1)
-        size = np.where(size > 0, size, 1.0)
+        plant = BalancedPlant.from_matrices(A, C)
+        pace = 1.0 + rate / plant.pace
         one = {"state": [1.0] * n, "output": [1.0] * p}
-        L = riccati_gain(A / pace, C / size[:, None], one, rate / pace)
-        return np.asarray(pace * L / size, dtype=np.float64)
+        L = riccati_gain(plant.A / pace, plant.C, one, rate / plant.pace / pace)
+        return plant.flow_gain(pace * L)
     state = np.array(weights.get("state", [1.0] * n))
     deviations = np.sqrt(np.array(weights.get("output", [1.0] * p)))
     shifted = A + riccati_shift(A, C, rate) * np.eye(n)
@@ -113,7 +113,7 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
     """
     wanted = with_conjugates(poles)
     _refuse_unplaceable(A, C, len(wanted))
-    plant = _Placement.from_plant(A, C, poles)
+    plant = _Placement(A, C, poles)
     L, miss = None, math.inf
     for other, enough in plant.gains(wanted):
         distance = plant.miss(other)
@@ -160,25 +160,16 @@ def _refuse_unplaceable(A: Matrix, C: Matrix, count: int) -> None:
 
 @dataclass(frozen=True)
 class _Placement:
-    """A plant A (n, n), C (p, n), poles to place, and the units in which it is balanced.
-
-    sizes (n,) of the states, pace of time, rows (p,) of the outputs.
-    """
+    """A plant A (n, n), C (p, n), poles to place, and the plant in balanced units."""
 
     A: Matrix
     C: Matrix
     poles: Sequence[Pole]
-    sizes: Matrix
-    pace: float
-    rows: Matrix
 
-    @classmethod
-    def from_plant(cls, A: Matrix, C: Matrix, poles: Sequence[Pole]) -> _Placement:
-        """With its units."""
-        sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
-        # one output alone is taken as it is, so that its gain is rounded once
-        rows = np.linalg.norm(C * sizes, axis=1) if len(C) > 1 else np.zeros(1)
-        return cls(A, C, poles, sizes, pace, np.where(rows > 0, rows, 1.0))
+    @cached_property
+    def balanced(self) -> BalancedPlant:
+        """The plant in the units that robust gains and hidden modes are computed in."""
+        return BalancedPlant.from_matrices(self.A, self.C)
 
     def gains(self, wanted: NDArray[np.complex128]) -> Iterator[tuple[Matrix, float]]:
         """Yield gains in order of preference, and with each the `miss` that needs no other one.
@@ -189,33 +180,29 @@ class _Placement:
         """
         starts = [np.zeros((len(self.A), len(self.C)))]
         if len(self.C) > 1:
-            unit = self.sizes[:, None] * self.pace / self.rows
-            robust = None if self.hidden else robust_gain(*self.balanced, wanted / self.pace)
+            plant, random = self.balanced, np.random.default_rng(0)
+            robust = None if self.hidden else robust_gain(plant.A, plant.C, wanted / plant.pace)
             if robust is not None:
-                starts.insert(0, robust * unit)
+                starts.insert(0, plant.flow_gain(robust))
                 yield starts[0], ROUNDING
-            starts.append(unit * np.random.default_rng(0).uniform(-1.0, 1.0, unit.shape))
+            starts.append(plant.flow_gain(random.uniform(-1.0, 1.0, starts[0].shape)))
         for start in starts:
             L = self.corrected(start)
             if L is not None:
                 yield L, TOLERANCE
 
-    @property
-    def balanced(self) -> tuple[Matrix, Matrix]:
-        """A and C in the units."""
-        A = self.A * self.sizes / self.sizes[:, None] / self.pace
-        return A, self.C * self.sizes / self.rows[:, None]
-
     @cached_property
     def hidden(self) -> list[Mode]:
         """Modes that are unobservable, or nearly."""
-        return approx_unobservable_modes(*self.balanced)
+        return approx_unobservable_modes(self.balanced.A, self.balanced.C)
 
     def corrected(self, L: Matrix) -> Matrix | None:
         """L + l w' with the poles exactly but for rounding, w' C one output; None: unobservable."""
-        w = np.exp2(-np.arange(len(self.rows)) / 2) / self.rows
+        w = np.exp2(-np.arange(len(self.C)) / 2)
+        if len(w) > 1:  # the gain of one output is rounded once
+            w = w / self.balanced.rows
         flow = exact(self.A) - exact(L) @ exact(self.C)
-        column = _unique_gain(flow, exact(w[None]) @ exact(self.C), self.poles, self.sizes)
+        column = _unique_gain(flow, exact(w[None]) @ exact(self.C), self.poles, self.balanced.sizes)
         return None if column is None else L + column * w
 
     def miss(self, L: Matrix) -> float:
@@ -228,7 +215,7 @@ class _Placement:
     def likely_cause(self) -> str:
         """Why rounding a gain takes the poles elsewhere, and what may help."""
         if self.hidden:
-            mode, margin = self.hidden[0].eigenvalue * self.pace, self.hidden[0].margin
+            mode, margin = self.hidden[0].eigenvalue * self.balanced.pace, self.hidden[0].margin
             text = f"output.C hardly sees the mode {complex_text(mode)} of flow.A"
             return f"{text} (relative {margin:.2g}): leave poles out"
         return "the poles are far from those of flow.A, or output.C hardly sees some mode of it"

@@ -79,7 +79,7 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("jump.dwell_time", [-1, 1], "jump.dwell_time: the shortest dwell time must be >= 0; got [-1, 1]."),
     ("jump.dwell_time", [0, 0], "jump.dwell_time: the longest dwell time must be > 0; got [0, 0]."),
     ("jump.dwell_jitter", -1, "jump.dwell_jitter must be a number >= 0 or inf; got -1.0."),
-    ("output.measured", "periodic", "output.period is required when measured = 'periodic'; it is missing."),
+    ("output.measured", "periodic", "output.period is required by output.measured = 'periodic'; it is missing."),
     ("output.period", 0, "output.period must be a positive number; got 0."),
     ("observer.gains.L", [[0, 1]], "observer.gains.L must be 2x1 (n x p, n states, p outputs); got 1x2. Is it transposed?"),
     ("observer.kind", REMOVE, "observer.kind is required; it is missing. It is one of interval, set_membership, luenberger, impulsive, finite_time, impulsive_input, unknown_input; `obsdesign check` lists which of them fit this plant."),

@@ -46,7 +46,7 @@ class ImpulseCurve:
             raise ValueError(
                 f"A - K C or an exponent is too large for the window: {size * tau:.3g} times 1/tau"
             )
-        states = impulse_responses(F, H, step, count + 1)
+        states = impulse_responses(F, H, step, count + 1, units=units)
         if not np.isfinite(states).all():
             raise ValueError("floats cannot follow an impulse through A - K C and the features")
         reach, terms, term = size * step, 4, 1.0

@@ -90,21 +90,27 @@ def feature_units(F: Array, n: int, time: float) -> Array:
     return units
 
 
-def feature_flows(F: Array, n: int, start: float, step: float, count: int) -> Array:
+def feature_flows(
+    F: Array, n: int, start: float, step: float, count: int, *, units: Array | None = None
+) -> Array:
     """First n columns of e^{F s} at s = start, start + step, ..., (count, len(F), n).
 
-    In units of their own meanwhile: those of x, y and time cost no digits, and a record times a
-    power of two leaves the same features times it, bit for bit.
+    In units of their own meanwhile, `feature_units` of F where they are known: those of x, y and
+    time cost no digits, and a record times a power of two leaves the same features times it, bit
+    for bit.
     """
-    units = feature_units(F, n, abs(start) + abs(step) * count)
+    if units is None:
+        units = feature_units(F, n, abs(start) + abs(step) * count)
     flows = exponential_grid(F * units / units[:, None], start, step, count)
     with np.errstate(over="ignore", invalid="ignore"):  # beyond floats: infinite, as in the grid
         return np.asarray(flows[:, :, :n] * units[:, None] / units[:n])
 
 
-def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
-    """[e^{D s} H; b(s)] at s = 0, step, ..., (count, n + m p, q)."""
-    flows = feature_flows(F, len(H), 0.0, step, count)
+def impulse_responses(
+    F: Array, H: Array, step: float, count: int, *, units: Array | None = None
+) -> Array:
+    """[e^{D s} H; b(s)] at s = 0, step, ..., (count, n + m p, q); units: as `feature_flows`."""
+    flows = feature_flows(F, len(H), 0.0, step, count, units=units)
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(flows @ H)
 

@@ -93,41 +93,18 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         with np.errstate(over="ignore", invalid="ignore"):
             results, contradictions, course = self._propagated(state, sample, t, row, off)
         guard, late = state.guard.after(t, sample.jump)
-        objections = [*contradictions, late] if late else contradictions.copy()
-        objections += self.clock.objections(state, sample, y, t)
-        last = results[-1]
-        for fault in dict.fromkeys(each.fault for each in results if each.fault is not None):
-            if fault is BoundsFault.CROSSED:
-                if contradictions:  # the outputs that make the bounds cross are named already
-                    continue
-                contradictions.append(fault.value)
-            objections.append(fault.value)
-        refutation = state.refutation
-        if refutation:
-            objections.append(refutation)
-        elif contradictions:
-            refutation = f"void since time {t:.9g} ({contradictions[0]})"
+        timing = self.clock.objections(state, sample, y, t)
+        if late:
+            timing.insert(0, late)
+        objections, refutation = _judged(state.refutation, t, results, contradictions, timing)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         kept = row.y if not sample.jump or self.gains.jump_measurement == "after" else None
-        sampled, phase = (
-            (state.sampled if y is None else t),
-            (state.phase if y is None or off else t),
-        )
+        sampled = state.sampled if y is None else t
+        phase = state.phase if y is None or off else t
+        last = results[-1]
         is_usual = last.size < MODERATE and row.held is None and course is None and not refutation
-        following = IntervalState(
-            t,
-            last.box,
-            u,
-            kept,
-            guard,
-            True,
-            sampled,
-            refutation,
-            phase,
-            is_usual,
-            course,
-            row.held,
-        )
+        following = IntervalState(t, last.box, u, kept, guard, True, sampled, refutation, phase,
+                                  is_usual, course, row.held)  # fmt: skip
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, last.lower, last.upper, events=events, status=status)
@@ -224,6 +201,28 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         if state.y is not None:
             return "start" if y is None else "both"
         return "none" if y is None else "end"
+
+
+def _judged(
+    refutation: str, t: float, results: list[Result], contradictions: list[str], timing: list[str]
+) -> tuple[list[str], str]:
+    """All objections to a row, and the refutation of this row and later ones, empty without one.
+
+    refutation: that of an earlier row; contradictions of y to the bounds; timing: objections to
+    when the row came.
+    """
+    objections, reasons = [*contradictions, *timing], contradictions
+    for fault in dict.fromkeys(each.fault for each in results if each.fault is not None):
+        if fault is BoundsFault.CROSSED:
+            if reasons:  # the outputs that make the bounds cross are named already
+                continue
+            reasons = [fault.value]
+        objections.append(fault.value)
+    if refutation:
+        objections.append(refutation)
+    elif reasons:
+        refutation = f"void since time {t:.9g} ({reasons[0]})"
+    return objections, refutation
 
 
 def _usual_step(

@@ -43,11 +43,6 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
             order = tuple(strategy for strategy in order if strategy != "quadratic")
     if math.isinf(high):  # a claim refutes it, whatever the gains are
         order = order[:1]
-        if order[0] in ("subspace", "quadratic"):
-            raise InputError(
-                f"observer.strategy = {order[0]!r} is built for a longest dwell time: "
-                "jump.dwell_time[1] must be finite; got inf."
-            )
     assert problem.plant.jump is not None
     G = problem.plant.jump.G
     for strategy in order:

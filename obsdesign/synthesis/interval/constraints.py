@@ -45,9 +45,13 @@ def program_minimum(
 
 
 def diagonal_constraints(
-    entry: ConvexGain, values: tuple[Expression, Expression], error: tuple[Array, Array], S: Matrix
+    entry: ConvexGain,
+    values: tuple[Expression, Expression],
+    error: tuple[Array, Array],
+    S: Matrix,
+    rows: Matrix,
 ) -> list[Expression]:
-    """Constraints on a gain K, for p (n,) > 0 and U = diag(p) K (n, p) in z.
+    """Constraints on a gain K, for p (n,) > 0 and U = diag(p) K (n, p) in z and y / rows.
 
     values: p, U; error: (X, output), where X - K output is the matrix of the error in z.
     """
@@ -55,6 +59,6 @@ def diagonal_constraints(
 
     p, U = values
     inward = np.linalg.inv(S)
-    P, PK = inward.T @ cp.diag(p) @ inward, inward.T @ U
+    P, PK = inward.T @ cp.diag(p) @ inward, inward.T @ U @ np.diag(1 / rows)
     stated = entry.constraints(np.ones(len(S)))([P, PK])
     return [*stated, *entry.blocks(*error, p, U)]

@@ -19,6 +19,7 @@ from lmi.arithmetic.arrays import Array, Entries, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark, ended_by_count, remark_end
+from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
 from obsdesign.synthesis.interval.descent import best_gains, quick_gains, solvers_of_gains
@@ -97,8 +98,12 @@ class CoordinateSearch:
 
     def _improved(self, start: CoordinateChoice) -> tuple[CoordinateChoice, tuple[Remark, ...]]:
         """The best of a Nelder-Mead search over S, gains from a small program for each."""
-        n = self.gains.problem.plant.n
-        best = [start]
+        n, units = (
+            self.gains.problem.plant.n,
+            BalancedPlant.from_plant(self.gains.problem.plant).sizes,
+        )
+        best, first = [start], scaled_columns(start.S / units[:, None])
+        assert first is not None
 
         def value(entries: Matrix) -> float:
             if self._is_sufficient(best[0]) or self.gains.budget.remaining() < 0:
@@ -106,7 +111,7 @@ class CoordinateSearch:
             S = scaled_columns(entries.reshape(n, n))
             if S is None:
                 return math.inf
-            choice = self._with_quick_gains(S)
+            choice = self._with_quick_gains(units[:, None] * S)
             best[0] = min(best[0], choice, key=lambda each: each.value)
             return min(choice.value, 1e30)
 
@@ -116,8 +121,8 @@ class CoordinateSearch:
         effort = self.gains.budget.scaled(most)
         with np.errstate(all="ignore"):
             result = minimize(
-                value, start.S.ravel(), method="Nelder-Mead",
-                options={"maxfev": effort, "initial_simplex": _simplex(start.S)},
+                value, first.ravel(), method="Nelder-Mead",
+                options={"maxfev": effort, "initial_simplex": _simplex(first)},
             )  # fmt: skip
         if result.nfev >= effort and not self._is_sufficient(best[0]):
             return best[0], self._remark(ended_by_count("evaluations", effort))
@@ -140,7 +145,7 @@ def _bases(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
                 yielded.append(S)
                 yield S
     if not yielded:  # eigenvectors of a defective matrix are dependent: a search starts here
-        yield np.eye(plant.n)
+        yield np.diag(BalancedPlant.from_plant(plant).sizes)
 
 
 def _flow_gains(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
@@ -158,16 +163,22 @@ def _flow_gains(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
 
 
 def bases(plant: Plant, L: Array, M: Array) -> list[Matrix]:
-    """Return eigenvectors of the flow, of the jump, and a mixture with the kernel of the jump."""
+    """Return eigenvectors of the flow, of the jump, and a mixture with the kernel of the jump.
+
+    Each in balanced units, in which their entries and their independence are judged.
+    """
     F, H = flow_and_jump(
         plant.flow.A, plant.output.C, None if plant.jump is None else plant.jump.G, L=L, M=M,
         jump_measurement=plant.output.jump_measurement,
         is_periodic=plant.output.measured == "periodic",
     )  # fmt: skip
+    units = BalancedPlant.from_plant(plant)
+    F = units.map(F)
     candidates = [eigenbasis(F)]
     if H is not None:
+        H = units.map(H)
         candidates += [eigenbasis(H), adapted_basis(F, H)]
-    return [S for S in candidates if S is not None]
+    return [units.sizes[:, None] * S for S in candidates if S is not None]
 
 
 def eigenbasis(X: Matrix) -> Matrix | None:

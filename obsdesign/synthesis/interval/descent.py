@@ -37,6 +37,8 @@ _MOST, _MOST_BY_STATES, _FEW = 3000, 12_000, 250
 # programs for the shortest dwell time, times n^3, and how often it is doubled or halved at most
 _PROGRAM_WORK, _HALVINGS = 17_000, 7
 _SUFFICIENT_GROWTH = 0.9  # `feasible` stops at this growth from jump to jump
+# decimals of gains, tried in turn; the last restores zeros of A - L C where A is in decimals
+_DIGITS = (3, 6, 9, 15)
 _LEAST_IMPROVEMENT = 1e-7  # relative improvement that is worth another sweep
 
 
@@ -232,8 +234,9 @@ def _candidates(
 
 def _rounded(task: Task, goal: Goal, value: float, L: Matrix, M: Matrix) -> Gains:
     """Return gains in few digits where they cost nothing: easier to read, and to copy by hand."""
-    for digits in (3, 6, 9):
-        short_L, short_M = task.within(_digits(L, digits), _digits(M, digits))
+    for digits in _DIGITS:
+        short = task.inward(*(_digits(gain, digits) for gain in task.gains(L, M)))
+        short_L, short_M = task.within(*short)
         short_value = _value(task, goal, short_L, short_M)
         if short_value <= value + 1e-6 * abs(value):
             return short_value, short_L, short_M

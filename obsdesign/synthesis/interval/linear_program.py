@@ -145,7 +145,7 @@ def _gain_constraints(task: Task, variables: _Variables, x: Expression) -> list[
             assert task.G is not None
             P, gain = x[zeta[0]], x[Z[0]] - x[Z[1]]
             X, output = task.G, task.C_jump
-        holds += diagonal_constraints(entry, (P, gain), (X, output), task.S)
+        holds += diagonal_constraints(entry, (P, gain), (X, output), task.S, task.rows)
     return holds
 
 

@@ -27,6 +27,7 @@ from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.constrained import Expression
 from lmi.solvers import Solvers
 from lmi.time_budget import TimeBudget
+from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import InputError
@@ -36,7 +37,13 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
 from obsdesign.synthesis.interval.constraints import diagonal_constraints, program_minimum
 from obsdesign.synthesis.interval.coordinates import bases, eigenbasis
-from obsdesign.synthesis.interval.task import sampling_limit, width_weights
+from obsdesign.synthesis.interval.task import (
+    at_most,
+    balanced_units,
+    given_limit,
+    sampling_limit,
+    width_weights,
+)
 from obsdesign.synthesis.placement import placed_gain
 
 # contraction from sample to sample: none but what the least width needs, then ever more
@@ -63,11 +70,13 @@ class SampledPlant:
         plant = problem.plant
         self.constraint = convex_gains(problem.options_as(IntervalOptions), user)["L"]
         self.budget = budget
-        self.S = np.eye(plant.n) if S is None else S
+        units = balanced_units(problem)
+        self.S, self.rows = np.diag(units.sizes) if S is None else S, units.rows
         self.inward = np.linalg.inv(self.S)
         self.h = float(problem.require("output.period"))
         self.A, self.C = self.inward @ plant.flow.A @ self.S, plant.output.C @ self.S
-        self.V = problem.require_noise_bound()
+        self.C = self.C / self.rows[:, None]
+        self.V = problem.require_noise_bound() / self.rows
         self.f = np.abs(self.inward) @ np.subtract(*plant.flow.b_bounds[::-1])
         self.G: Matrix | None = None
         self.j = np.zeros(plant.n)
@@ -76,7 +85,8 @@ class SampledPlant:
             self.G = self.inward @ plant.jump.G @ self.S
             self.j = np.abs(self.inward) @ np.subtract(*plant.jump.c_bounds[::-1])
             self.dwell = problem.require_dwell_time()
-        self.limit = sampling_limit(problem, self.S)
+        self.gain_limit = given_limit(problem)
+        self.limit = sampling_limit(problem, S, units)
         self.q, self.mean = self._average(width_weights(problem))
 
     def _average(self, weights: Matrix) -> tuple[Matrix, float]:
@@ -150,12 +160,11 @@ class SampledPlant:
         )
         if L is None or constraints is None:
             return L
-        within: Matrix = self.inward @ self.constraint.rounded(self.S @ L)
-        return within
+        return self.to_z(self.constraint.rounded(self.whole(L)))
 
     def _constraints(self, zeta: Expression, U: Expression) -> list[Expression]:
         # regions are refused with samples as events
-        return diagonal_constraints(self.constraint, (zeta, U), (self.A, self.C), self.S)
+        return diagonal_constraints(self.constraint, (zeta, U), (self.A, self.C), self.S, self.rows)
 
     @property
     def solvers(self) -> Solvers:
@@ -170,14 +179,22 @@ class SampledPlant:
                 return
             yield contraction, L
 
+    def to_z(self, L: Matrix) -> Matrix:
+        """A gain of the plant's coordinates and outputs as one of z."""
+        return np.asarray(self.inward @ L * self.rows, dtype=np.float64)
+
+    def whole(self, L: Matrix) -> Matrix:
+        """A gain of z in the plant's coordinates."""
+        return at_most(self.gain_limit, self.S @ L / self.rows)
+
     def outward(self, L: Matrix) -> Matrix:
         """L in the plant's coordinates, in few digits where they cost nothing."""
-        width, whole = self.width(L), self.constraint.rounded(self.S @ L)
+        width, whole = self.width(L), self.constraint.rounded(self.whole(L))
         # a user's constraints are those of the program alone
         for digits in (3, 6, 9) if self.constraint.user is None else ():
             text = [float(f"{x:.{digits}g}") for x in whole.ravel()]
             short = self.constraint.rounded(np.array(text).reshape(whole.shape))
-            inner = self.inward @ short
+            inner = self.to_z(short)
             if np.all(np.abs(inner) <= self.limit) and self.width(inner) <= width * (1 + 1e-6):
                 return short
         return whole
@@ -272,15 +289,15 @@ def sampled_bases(problem: Problem, given: Mapping[str, Array]) -> Iterator[Matr
     plant = problem.plant
     zero = np.zeros((plant.n, plant.p))
     yield from bases(plant, zero, zero)
-    h = float(problem.require("output.period"))
+    h, units = float(problem.require("output.period")), BalancedPlant.from_plant(plant)
     flow = expm(plant.flow.A * h)
     if not np.isfinite(flow).all():
         return
     gains = [given["L"]] if "L" in given else _placed(plant, flow)
     for L in gains:
-        S = eigenbasis(flow - L @ plant.output.C @ flow)
+        S = eigenbasis(units.map(flow - L @ plant.output.C @ flow))
         if S is not None:
-            yield S
+            yield units.sizes[:, None] * S
 
 
 def _placed(plant: Plant, flow: Matrix) -> Iterator[Matrix]:

@@ -18,6 +18,7 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.linear_program import minimise
 from lmi.solvers import Solvers
+from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.analysis.interval.requirements import large_gain
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.synthesis.interval.coordinates import CoordinateChoice, eigenbasis
@@ -39,17 +40,18 @@ def placed_choice(search: GainSearch) -> CoordinateChoice | None:
     Without constraints on the gains, and with L open.
     """
     plant, best = search.problem.plant, None
-    A, C = plant.flow.A, plant.output.C
+    units = BalancedPlant.from_plant(plant)
     limit = search.problem.options_as(IntervalOptions).gain_limit
-    for poles in _pole_sets(A) if _is_open(search) else ():
+    for poles in _pole_sets(units.A) if _is_open(search) else ():
         if search.budget.remaining() < 0:
             break
-        L = robust_gain(A, C, poles, rtol=1e-2)
-        S = None if L is None else eigenbasis(A - L @ C)
+        L = robust_gain(units.A, units.C, poles, rtol=1e-2)
+        S = None if L is None else eigenbasis(units.A - L @ units.C)
         if L is None or S is None:
             continue
+        S = units.sizes[:, None] * S
         task = search.task(False, S)
-        gain: Matrix = np.asarray(np.linalg.solve(S, L), dtype=np.float64)
+        gain, _ = task.inward(units.flow_gain(L), 0.0 * L)
         M = _jump_gain(task, gain)
         if M is None or large_gain(*task.gains(gain, M), limit):
             continue

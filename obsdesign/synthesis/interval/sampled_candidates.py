@@ -74,7 +74,7 @@ def _sampled_trials(search: GainSearch, frame: Entries) -> Iterator[_SampledTria
     skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None
     gains: Iterable[Array] = (L for _, L in plant.gains())
     if "L" in given:
-        gains = [plant.inward @ given["L"]]
+        gains = [plant.to_z(given["L"])]
     for L in gains:
         tube = sampled_tube(plant.system(L), plant.h, plant.dwell, skips_jumps)
         cost = math.inf if tube is None else plant.width(L)

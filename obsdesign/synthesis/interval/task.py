@@ -1,10 +1,10 @@
 """Synthesis of gains in given coordinates: the open gains, and the width as their function.
 
-In z, x = S z, the width system of gains (L, M) is
+In z, x = S z, and y in units `rows`, the width system of gains (L, M) is
 
     W = Mz(A - L C),  N = |G - M C_J|,  f = f0 + 2 |L| V,  h = h0 + 2 |M| V
 
-with every matrix in z; C_J maps the state before a jump to the measurement at the jump. A gain
+with every matrix in them; C_J maps the state before a jump to the measurement at the jump. A gain
 that is given is part of A and f0 (of G and h0), and nothing is open there.
 """
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.time_budget import TimeBudget
+from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval.splits import absolute_metzler
@@ -41,7 +42,8 @@ class Task:
 
     positive: form `cooperative`, A - L C Metzler and G - M C_J >= 0; weights (n,): of the width;
     pre_jump: of the width just before jumps, instead of its time average.
-    low, high: dwell times (inf, inf without jumps). S: (n, n); L0, M0: given gains, in z.
+    low, high: dwell times (inf, inf without jumps). S: (n, n), rows: (p,); L0, M0: given gains,
+    in z; gain_limit: largest entry of a gain in the plant's coordinates, may be inf.
     constraints: on "L" and "M" in the plant's coordinates, those of gains that are open.
     """
 
@@ -62,6 +64,8 @@ class Task:
     weights: Matrix
     pre_jump: bool
     S: Matrix
+    rows: Matrix
+    gain_limit: float
     L0: Matrix
     M0: Matrix
     constraints: Mapping[str, ConvexGain]
@@ -75,13 +79,16 @@ class Task:
         given: Mapping[str, Array],
         user: UserConstraints | None = None,
     ) -> Task:
-        """The task in coordinates S (None: the plant's own); `given` holds L, M as far as fixed.
+        """The task in coordinates S (None: the plant's own, in balanced units).
+
+        given: L, M as far as fixed.
 
         user: constraints beside those of the problem.
         """
         plant = problem.plant
         n, p = plant.n, plant.p
-        basis = np.eye(n) if S is None else S
+        units = balanced_units(problem)
+        basis = np.diag(units.sizes) if S is None else S
         inward: Matrix = np.asarray(np.linalg.inv(basis))
         C, V = plant.output.C, problem.require_noise_bound()
         idle = idle_gains(plant)
@@ -89,18 +96,20 @@ class Task:
         low, high = (math.inf, math.inf) if plant.jump is None else problem.require_dwell_time()
         G, C_jump, h0 = _jump_error(plant, M, basis, inward, V)
         f0 = np.abs(inward) @ np.subtract(*plant.flow.b_bounds[::-1]) + 2 * np.abs(inward @ L) @ V
-        limit_L, limit_M = _limits(problem, basis)
+        limit_L, limit_M = _limits(problem, S, units)
         is_open = {name: name not in given and name not in idle for name in ("L", "M")}
         constraints = convex_gains(problem.options_as(IntervalOptions), user)
         return cls(
-            A=inward @ (plant.flow.A - L @ C) @ basis, G=G, C=C @ basis, C_jump=C_jump @ basis,
-            f0=f0, h0=h0, V=V, low=low, high=high,
+            A=inward @ (plant.flow.A - L @ C) @ basis, G=G, C=C @ basis / units.rows[:, None],
+            C_jump=C_jump @ basis / units.rows[:, None],
+            f0=f0, h0=h0, V=V / units.rows, low=low, high=high,
             open_L=is_open["L"], open_M=is_open["M"],
             constraints={name: constraints[name] for name in constraints if is_open[name]},
             limit_L=limit_L, limit_M=limit_M, positive=positive,
             weights=width_weights(problem) @ np.abs(basis),
             pre_jump=problem.options_as(IntervalOptions).width == "pre_jump",
-            S=basis, L0=inward @ L, M0=inward @ M,
+            S=basis, rows=units.rows, gain_limit=given_limit(problem),
+            L0=inward @ L * units.rows, M0=inward @ M * units.rows,
         )  # fmt: skip
 
     def with_equal_weights(self) -> Task:
@@ -126,7 +135,9 @@ class Task:
 
     def _outward(self, name: str, K: Matrix) -> Matrix:
         """A gain in the plant's coordinates, with the zeros and the norm of its constraints."""
-        entry, whole = self.constraints.get(name), self.S @ K
+        entry = self.constraints.get(name)
+        whole = self.S @ K / self.rows
+        whole = at_most(self.gain_limit, whole)
         return whole if entry is None else entry.rounded(whole)
 
     def within(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
@@ -134,14 +145,12 @@ class Task:
         L, M = np.clip(L, -self.limit_L, self.limit_L), np.clip(M, -self.limit_M, self.limit_M)
         if not self.is_constrained:
             return L, M
-        whole_L, whole_M = self.gains(L, M)
-        return (self._inward(whole_L) if self.open_L else L,
-                self._inward(whole_M) if self.open_M else M)  # fmt: skip
+        return self.inward(*self.gains(L, M))
 
-    def _inward(self, K: Matrix) -> Matrix:
-        """A gain in z; of the plant's own coordinates without rounding."""
-        is_plain = np.array_equal(self.S, np.eye(len(self.S)))
-        return K if is_plain else np.asarray(np.linalg.solve(self.S, K), dtype=np.float64)
+    def inward(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
+        """Open gains in z, for (L, M) in the plant's coordinates; zero where none is open."""
+        in_z = [np.linalg.solve(self.S, K * self.rows) for K in (L, M)]
+        return np.where(self.open_L, in_z[0], 0.0), np.where(self.open_M, in_z[1], 0.0)
 
     def system(self, L: Matrix, M: Matrix) -> WidthSystem:
         """The width system of gains in z."""
@@ -178,7 +187,7 @@ class Task:
 
         The gain in the plant's coordinates, without the rounding of `gains`.
         """
-        gains = {"L": self.S @ L, "M": self.S @ M}
+        gains = {"L": self.S @ L / self.rows, "M": self.S @ M / self.rows}
         for name, entry in self.constraints.items():
             if name == "L":
                 yield entry, gains["L"], self.A - L @ self.C
@@ -205,6 +214,17 @@ class GainSearch:
         return Task.from_problem(self.problem, positive, S, self.given, self.user)
 
 
+def balanced_units(problem: Problem) -> BalancedPlant:
+    """The plant in units in which disturbances and noise are of size one, if there are any."""
+    plant = problem.plant
+    units = BalancedPlant.from_plant(plant)
+    inputs = [np.subtract(*plant.flow.b_bounds[::-1]) / units.sizes / units.pace]
+    if plant.jump is not None:
+        inputs.append(np.subtract(*plant.jump.c_bounds[::-1]) / units.sizes)
+    inputs.append(problem.require_noise_bound() / units.rows)
+    return units.scaled(float(np.concatenate(inputs).max()) or 1.0)
+
+
 def width_weights(problem: Problem) -> Matrix:
     """Weights (n,) of the widths of the states, one on average."""
     n = problem.plant.n
@@ -214,30 +234,33 @@ def width_weights(problem: Problem) -> Matrix:
     return weights * (n / float(weights.sum()))
 
 
-def sampling_limit(problem: Problem, basis: Matrix) -> Matrix:
+def sampling_limit(problem: Problem, S: Matrix | None, units: BalancedPlant) -> Matrix:
     """Cap of the gain at samples in z, (n, p): the given one, or more than any plant needs."""
-    cap = _given_limit(problem, basis)
-    factor = _DEFAULT_LIMIT["feasible"]
-    return np.full(
-        (len(basis), problem.plant.p), factor / _size(problem, basis) if cap is None else cap
-    )
+    return _caps(problem, S, units, _DEFAULT_LIMIT["feasible"])
 
 
-def _given_limit(problem: Problem, basis: Matrix) -> float | None:
+def at_most(limit: float, K: Matrix) -> Matrix:
+    """A gain without what rounding alone took beyond the limit."""
+    return np.where(np.abs(K) <= limit * (1 + ROUNDING), np.clip(K, -limit, limit), K)
+
+
+def given_limit(problem: Problem) -> float:
+    """Largest admissible entry of a gain, inf without one."""
     limit = problem.options_as(IntervalOptions).gain_limit
-    if limit is None:
-        return None
-    cap = limit / float(np.abs(basis).sum(axis=1).max())
-    return (
-        cap if np.array_equal(basis, np.eye(len(basis))) else cap * (1 - ROUNDING)
-    )  # S L is rounded
+    return math.inf if limit is None else limit
 
 
-def _size(problem: Problem, basis: Matrix) -> float:
-    """Size of the outputs and of the coordinates: gains are large against one over it."""
-    return max(float(np.abs(problem.plant.output.C).max()), 1e-300) * float(
-        np.abs(basis).sum(axis=1).max()
-    )
+def _caps(problem: Problem, S: Matrix | None, units: BalancedPlant, largest: float) -> Matrix:
+    """Caps (n, p) of a gain in z, for which |S K| stays below the given one, or else about
+    `largest` in balanced units.
+    """
+    limit, plant = given_limit(problem), problem.plant
+    basis = np.diag(units.sizes) if S is None else S
+    if math.isfinite(limit):
+        reach = units.sizes if S is None else np.full(plant.n, np.abs(S).sum(axis=1).max())
+        return np.asarray(limit / reach[:, None] * units.rows)
+    size = float(np.abs(units.C).max()) * np.abs(basis / units.sizes[:, None]).sum(axis=1).max()
+    return np.full((plant.n, plant.p), largest / max(size, 1e-300))
 
 
 def _jump_error(
@@ -256,30 +279,22 @@ def _jump_error(
     return inward @ (plant.jump.G - M @ C_jump) @ basis, C_jump, added
 
 
-def _rate(problem: Problem) -> float:
+def _rate(problem: Problem, units: BalancedPlant) -> float:
     """Rate that gains of the flow are large against: of the plant, or of its jumps or samples.
 
     The latter is a floor: a flow that does less than this in a dwell time hardly matters.
     """
     plant = problem.plant
-    rate = float(np.abs(plant.flow.A).max())
     times = problem.require_dwell_time()[::-1] if plant.jump is not None else ()
     spans = (*times, plant.output.sample_spacing)
     span = next((span for span in spans if 0 < span < math.inf), math.inf)
-    return max(rate, 1.0 / span) or 1.0
+    return max(units.pace, 1.0 / span) or 1.0
 
 
-def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
-    """Caps of L and M in z so that |S L|, |S M| stay below the given one."""
-    plant = problem.plant
-    shape = (plant.n, plant.p)
-    cap = _given_limit(problem, basis)
-    if cap is not None:
-        return np.full(shape, cap), np.full(shape, cap)
-    factor = _DEFAULT_LIMIT[objective_of(problem)]
-    size = _size(problem, basis)
-    jump = 1.0 if plant.jump is None else float(np.abs(plant.jump.G).max())
-    return (
-        np.full(shape, factor * _rate(problem) / size),
-        np.full(shape, factor * max(jump, 1.0) / size),
-    )
+def _limits(problem: Problem, S: Matrix | None, units: BalancedPlant) -> tuple[Matrix, Matrix]:
+    """Caps of L and M in z."""
+    factor, plant = _DEFAULT_LIMIT[objective_of(problem)], problem.plant
+    jump = 1.0 if plant.jump is None else float(np.abs(units.map(plant.jump.G)).max())
+    caps = (factor * _rate(problem, units), factor * max(jump, 1.0))
+    L, M = (_caps(problem, S, units, largest) for largest in caps)
+    return L, M

@@ -8,14 +8,13 @@ target itself where it meets them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.find.affine import Inequality, Unknown
 from lmi.find.constrained import Expression, constrained_matrices
-from obsdesign.analysis.balancing import balancing_units
+from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.equations.regions import half_plane_inequality
 from obsdesign.problem.plant import Plant
 from obsdesign.synthesis.convex_gain import ConvexGain, refused_constraints
@@ -34,7 +33,7 @@ def nearest_gain(
     sufficient, so that there may be such an L where none is found. InputError for constraints that
     are not convex.
     """
-    units = _Units.from_plant(plant)
+    units = BalancedPlant.from_matrices(plant.flow.A, plant.output.C)
     n, p = target.shape
     goal = target / units.sizes[:, None] / units.pace * units.rows
     constraints = wanted.constraints(units.sizes, units.pace)
@@ -53,39 +52,19 @@ def nearest_gain(
         return None
     (P, Z), _ = solution
     try:
-        L: Array = np.linalg.solve(P, Z) * units.sizes[:, None] * units.pace / units.rows
+        L: Array = units.flow_gain(np.linalg.solve(P, Z))
     except np.linalg.LinAlgError:
         return None
     return wanted.rounded(L) if np.isfinite(L).all() else None
 
 
-@dataclass(frozen=True)
-class _Units:
-    """The plant in balanced units: sizes of states (n,), of outputs (p,), and the pace."""
-
-    sizes: Array
-    rows: Array
-    pace: float
-    flow: Array
-    output: Array
-
-    @staticmethod
-    def from_plant(plant: Plant) -> _Units:
-        A, C = plant.flow.A, plant.output.C
-        sizes, pace = balancing_units(A, C, np.zeros((plant.n, 0)))
-        rows = np.linalg.norm(C * sizes, axis=1)
-        rows = np.where(rows > 0, rows, 1.0)
-        flow, output = A * sizes / sizes[:, None] / pace, C * sizes / rows[:, None]
-        return _Units(sizes, rows, pace, flow, output)
-
-
-def _inequalities(units: _Units, wanted: ConvexGain, rate: float | None) -> list[Inequality]:
+def _inequalities(units: BalancedPlant, wanted: ConvexGain, rate: float | None) -> list[Inequality]:
     """The regions, and where there is a rate its half plane, affine in (P, Z)."""
-    n = len(units.flow)
+    n = len(units.A)
     count = len(wanted.inequalities(np.zeros((n, n)), np.zeros((n, n))))
 
     def product(P: Array, Z: Array) -> Array:
-        PF: Array = P @ units.flow - Z @ units.output
+        PF: Array = P @ units.A - Z @ units.C
         return PF
 
     result: list[Inequality] = [

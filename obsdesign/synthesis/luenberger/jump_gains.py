@@ -24,6 +24,7 @@ from lmi.find.affine import Inequality, Unknown, best_margin
 from lmi.find.constrained import Constraints, constrained_matrices
 from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget, remark_end
+from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.equations.estimation_error import jump_error_matrix, seen_before_jump
 from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.problem.gain_constraints import GainConstraints
@@ -59,7 +60,7 @@ def jump_gains(
     pairs: (earlier, later) cells that may follow each other; wanted: constraints on every M. The
     remarks are those of the search. InputError for constraints that are not convex.
     """
-    plant = _BalancedPlant.from_problem(problem, F, max(high for _, high in cells))
+    plant = _BalancedJumps.from_problem(problem, F, max(high for _, high in cells))
     with np.errstate(all="ignore"):
         grids = [Edge(plant.F, np.eye(len(F)), *ends).grid(_EACH_POINTS) for ends in cells]
     if not all(np.isfinite(flows).all() for _, flows in grids):
@@ -86,8 +87,11 @@ def jump_gains(
 
 
 @dataclass(frozen=True)
-class _BalancedPlant:
-    """Flow F of the error, G and the output at jumps, in balanced units; rows: those of y (p,)."""
+class _BalancedJumps:
+    """Flow F of the error, G and the output at jumps, in balanced units; rows: those of y (p,).
+
+    Units of the plant, which do not depend on those of its file, and from there powers of two.
+    """
 
     scaling: Scaling
     rows: Array
@@ -96,18 +100,19 @@ class _BalancedPlant:
     output: Array
 
     @staticmethod
-    def from_problem(problem: Problem, F: Array, longest: float) -> _BalancedPlant:
+    def from_problem(problem: Problem, F: Array, longest: float) -> _BalancedJumps:
         """longest: the longest dwell time."""
         plant = problem.plant
         assert plant.jump is not None
         G = plant.jump.G
         output = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
-        scaling = Scaling(np.ones(len(F)))
-        if np.isfinite(F).all():
-            scaling = Scaling.from_pair(exact(F), exact(G), longest)
+        scaling = Scaling(BalancedPlant.from_matrices(plant.flow.A, plant.output.C, G).sizes)
+        if np.isfinite(scaling.map(F)).all():
+            pair = exact(scaling.map(F)), exact(scaling.map(G))
+            scaling = Scaling(scaling.sizes * Scaling.from_pair(*pair, longest).sizes)
         output = scaling.columns(output)
         rows = Scaling.like(np.abs(output).max(axis=1)).sizes
-        return _BalancedPlant(scaling, rows, scaling.map(F), scaling.map(G), output / rows[:, None])
+        return _BalancedJumps(scaling, rows, scaling.map(F), scaling.map(G), output / rows[:, None])
 
     def restored_gains(self, M: Array) -> Array:
         """Gains (cells, n, p) in the units of the problem."""
@@ -143,7 +148,7 @@ def single_jump_gain(
 def _solution(
     active: set[tuple[int, int, int]],
     grids: Sequence[tuple[Array, Array]],
-    plant: _BalancedPlant,
+    plant: _BalancedJumps,
     wanted: ConvexGain,
 ) -> tuple[Array, Array, float] | None:
     """(P, P M, margin) with the largest margin at the active (earlier, later, number of theta)."""
@@ -174,7 +179,7 @@ def _solution(
     return np.array(values[:count]), np.array(values[count:]), margin
 
 
-def _regions(wanted: ConvexGain, count: int, plant: _BalancedPlant) -> list[Inequality]:
+def _regions(wanted: ConvexGain, count: int, plant: _BalancedJumps) -> list[Inequality]:
     """The region of the error's matrix at jumps, for all cells together."""
     if not wanted.stated.has_region():
         return []
@@ -192,7 +197,7 @@ def _violated(
     solution: tuple[Array, Array],
     grids: Sequence[tuple[Array, Array]],
     pairs: Sequence[tuple[int, int]],
-    plant: _BalancedPlant,
+    plant: _BalancedJumps,
 ) -> set[tuple[int, int, int]]:
     """(earlier, later, number of theta) where the inequality for (P, Z) fails most."""
     P, Z = solution

@@ -57,7 +57,8 @@ TANKS = {
                "noise_bound": [[-1.4e-9, -1.4e-9], [1.6e7, 4.6e7]]},
     "jump": {"G": [[-0.35, -6800.0], [6.7e-5, -0.63]], "dwell_time": [4000.0, 8000.0],
              "disturbance": {"lower": [1.1e-5, 0.0], "upper": [2.9e-5, 1e-10]}},
-    "observer": {"kind": "interval"},
+    "observer": {"kind": "interval", "gains": {"L": [[0.0, 8.6486e-17], [0.0, 0.0]],
+                                               "M": [[0.0, -1.83783784e-12], [0.0, 0.0]]}},
 }  # fmt: skip
 
 

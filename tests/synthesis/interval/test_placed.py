@@ -47,7 +47,7 @@ def test_the_width_contracts_at_every_dwell_time_of_the_range() -> None:
     choice = placed_choice(search)
     assert choice is not None
     task = search.task(False, choice.S)
-    L, M = np.linalg.solve(choice.S, choice.L), np.linalg.solve(choice.S, choice.M)
+    L, M = task.inward(choice.L, choice.M)
     assert growth(task, L, M) < 1
     system = task.system(L, M)
     off = system.W - np.diag(np.diag(system.W))

@@ -183,8 +183,16 @@ def test_both_ends_of_the_spacings_are_proved(plant: Any, dwell: list[float]) ->
 
 @pytest.mark.parametrize("strategy", ["subspace", "quadratic"])
 def test_parts_and_cells_of_an_endless_range_are_refused(strategy: str) -> None:
+    A, G, C = DOUBLE
+    body: dict[str, Any] = {
+        "flow": {"A": A}, "jump": {"G": G, "dwell_time": [0.5, "inf"]},
+        "output": {"C": C, "measured": "at_jumps"},
+        "observer": {"kind": "impulsive", "strategy": strategy},
+    }  # fmt: skip
     with pytest.raises(InputError, match=rf"observer\.strategy = '{strategy}' is built for a"):
-        investigate(DOUBLE, [0.5, "inf"], strategy=strategy)
+        obsdesign.Problem(**body)  # at the door, before anything is designed
+    obsdesign.Problem(**body | {"jump": {"G": G, "dwell_time": [0.5, 2.0]}})
+    obsdesign.Problem(**body | {"jump": {"G": G}})  # of which the kind says what it lacks
     for other in ("full", "compressed"):
         assert investigate(DOUBLE, [0.5, "inf"], strategy=other).verdict == "refuted"
 
