@@ -20,10 +20,10 @@ WITH_CODE = [p for p in PAGES if re.search("^```(console|python)", p.read_text("
 
 # 1 and 3 are answers (refuted, undecided); anything else is a snippet that does not work
 SHELL = """
-set -u
+set -u -o pipefail
 obsdesign() {
     "$PYTHON" -c 'from obsdesign.cli.main import main; main()' "$@"
-    case $? in 0|1|3) ;; *) exit 9 ;; esac
+    case $? in 0|1|3) ;; *) return 9 ;; esac
 }
 python() {
     "$PYTHON" "$@" || exit 9
@@ -31,12 +31,40 @@ python() {
 """
 
 
-def run(folder: Path, command: list[str]) -> None:
+END = "-- end of the output --"
+
+
+def run(folder: Path, commands: list[str]) -> list[str]:
+    """What each of the commands prints, on either stream; one shell runs them in turn."""
     environment = os.environ | {"PYTHON": sys.executable, "PYTHONPATH": str(ROOT)}
+    script = SHELL + "".join(f"{command} || exit 9\necho '{END}'\n" for command in commands)
     done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=400
-    )
-    assert done.returncode == 0, (command[-1], done.stdout, done.stderr)
+        ["bash", "-c", script], cwd=folder, env=environment, timeout=400, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    assert done.returncode == 0, (commands, done.stdout)
+    return done.stdout.split(END)[:-1]
+
+
+def steps(block: str) -> list[tuple[str, str]]:
+    """(command, what the page says that it prints) of each line that begins with $."""
+    parts = re.split(r"^\$ ", block.replace(".venv/bin/", ""), flags=re.MULTILINE)[1:]
+    return [(command, said) for command, _, said in (part.partition("\n") for part in parts)]
+
+
+def missing_line(said: str, output: str) -> str | None:
+    """The first line of a page that the output does not have, in the page's order.
+
+    A line is whole words, wherever the output breaks its lines; `…` stands for any text.
+    """
+    shown = " ".join(output.split())
+    for line in filter(None, map(str.strip, said.splitlines())):
+        words = re.escape(" ".join(line.split())).replace("…", ".*?")
+        match = re.search(rf"(?<!\S){words}" + ("" if line.endswith("…") else r"(?!\S)"), shown)
+        if match is None:
+            return line
+        shown = shown[match.end() :]
+    return None
 
 
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda p: p.stem)
@@ -53,11 +81,34 @@ def test_every_snippet_of_a_page_runs_in_turn(
         if title:
             (tmp_path / title).write_text(text)
         elif language == "console":
-            lines = re.findall(r"^\$ (?:\.venv/bin/)?(.*)$", text, flags=re.MULTILINE)
-            assert lines
-            run(tmp_path, ["bash", "-c", SHELL + "\n".join(lines)])
+            pairs = steps(text)
+            assert pairs
+            outputs = run(tmp_path, [command for command, _ in pairs])
+            for (command, said), output in zip(pairs, outputs, strict=True):
+                assert (line := missing_line(said, output)) is None, (command, line, output)
         elif language == "python":
             exec(compile(text, page.name, "exec"), names)
+
+
+OUTPUT = """shortest dwell: proved at 0.6931474578188175
+  refuted at 0.6931469033010731, where the map has
+  spectral radius 1.00000028 >= 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("said", "missing"),
+    [
+        ("", None),
+        ("proved at 0.693147…\nspectral radius 1.00000028 >= 1", None),
+        ("refuted at … spectral radius 1.0000…", None),
+        ("proved at 0.6580…", "proved at 0.6580…"),
+        ("proved at 0.693147", "proved at 0.693147"),  # its last digits are missing
+        ("radius 1.00000028 >= 1\nproved at 0.693147…", "proved at 0.693147…"),  # out of order
+    ],
+)
+def test_what_a_page_says_of_a_command_is_what_it_prints(said: str, missing: str | None) -> None:
+    assert missing_line(said, OUTPUT) == missing
 
 
 def test_commands_are_documented_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,6 @@
 """Figures 1 and 3 of Degue, Efimov and Richard: the paper's signals, initial bounds chosen here.
 
-python -m docs.figures.degue [FOLDER]       draws degue_1.png and degue_3.png
+python -m docs.figures.degue [FOLDER]       draws degue_1.png and degue_3.png, prints widths
 
 The paper prints plants, gains, signals and jump times, but neither x(0) nor the initial bounds.
 """
@@ -97,10 +97,20 @@ def _printed(plant: Any, gains: Any, b: Signal, d: Signal, v: Signal) -> tuple[A
     return flow, jump
 
 
+def widths(run: Run) -> tuple[float, str]:
+    """Time of the row before the second jump; how wide the bounds of x1, x2 are there."""
+    row = int(np.searchsorted(run.t, JUMPS[1])) - 1
+    printed, sampled = (upper[row] - lower[row] for lower, upper in (run.printed, run.sampled))
+    text = "{:.3f}, {:.3f} ({:.3f}, {:.3f} with `run`)".format(*printed, *sampled)
+    return float(run.t[row]), text
+
+
 def draw_figure(number: int, path: Path) -> None:
     """Both states and their bounds."""
     run = simulated(number)
     observer = {1: "(6)", 3: "(11)"}[number]
+    when, text = widths(run)
+    print(f"Figure {number}: at t = {when:g} the widths of x1, x2 are {text}")
     with picture(8.0, 3.4, str(path)) as figure:
         for k, axis in enumerate(figure.subplots(1, 2)):
             lower, upper = run.sampled

@@ -27,9 +27,10 @@ NUMBERS = {
         *equations(1, 11), *figures(3), "Lemma 1", "Lemma 2", "Theorem 3", "Corollary 4",
         "Theorem 5", "Remark 6", "Theorem 7", "Theorem 8", "Remark 9", "Remark 10",
         *(f"Assumption {number}" for number in range(1, 6)),
-        *(f"Example 4.{number}" for number in range(1, 4)),
-        "linear program (Section 2.3)", "T_max = ∞ (Examples 4.1 and 4.3)",
-        "Theorems 7 and 8 combined",
+        *(f"Example 4.{number}" for number in range(1, 4)), "jump times (introduction)",
+        "positive systems (2.3)", "linear program (2.3)", "positive systems (2.4)",
+        "W(x) = xᵀPx (after Theorem 3; Assumptions 2 and 4)", "similarity (after Assumption 4)",
+        "choice of the split (after Assumption 5)", "theorems 7 and 8 combined (after (11))",
     ],
     "Medina": [
         *equations(1, 16), *figures(5), "Assumption 2.1", "Theorem 2.2", "Definition 2.3",
@@ -105,3 +106,13 @@ def test_the_scripts_and_test_files_of_a_section_exist(author: str) -> None:
     (files,) = re.findall(r"`\.venv/bin/python -m pytest -q -n 0 ([\w./ ]+)`", section(author))
     for name in (f"{script.replace('.', '/')}.py", *files.split()):
         assert (ROOT / name).is_file(), name
+
+
+@pytest.mark.parametrize(
+    "author", [author for author in NUMBERS if "All tests named below" in section(author)]
+)
+def test_the_command_of_a_section_runs_all_tests_that_it_names(author: str) -> None:
+    (files,) = re.findall(r"`\.venv/bin/python -m pytest -q -n 0 ([\w./ ]+)`", section(author))
+    texts = [(ROOT / name).read_text(encoding="utf-8") for name in files.split()]
+    tests = {name for text in texts for name in re.findall(r"^def (test_\w+)", text, re.MULTILINE)}
+    assert set(re.findall(r"`(test_\w+)`", section(author))) - tests == set()
