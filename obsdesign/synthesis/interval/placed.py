@@ -123,9 +123,9 @@ def _sector_poles(A: Matrix, margin: float, distance: float) -> NDArray[np.compl
     """Eigenvalues of A, moved left until Re + |Im| <= -margin; real ones a distance apart."""
     values = np.linalg.eigvals(A)
     pairs = values[values.imag > 0]
-    moved = np.minimum(pairs.real, -pairs.imag - margin) + 1j * pairs.imag
+    inside = np.minimum(pairs.real, -pairs.imag - margin) + 1j * pairs.imag
     real = _apart(np.minimum(values[values.imag == 0].real, -margin), distance)
-    return np.concatenate([real, moved, moved.conj()])
+    return np.concatenate([real, inside, inside.conj()])
 
 
 def _real_poles(A: Matrix, rate: float) -> Matrix:
