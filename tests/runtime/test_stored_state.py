@@ -18,6 +18,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.data.stream import Stream
 from obsdesign.document import digest
 from obsdesign.errors import InputError
+from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.step_cache import shared_step
@@ -52,6 +53,7 @@ CASES: dict[str, tuple[str, int, dict[str, Any]]] = {
     "impulses, integral, noise": ("mattsson_medvedev_noise", 2600, {"period": 0.1}),
     "impulses, samples": ("luteinizing_hormone", 120, {}),
     "interval, doses": ("oral_doses", 120, {}),
+    "set membership": ("gantry_crane_bounds", 40, {"window": 8, "fixed_lag": 3}),
 }
 
 
@@ -81,13 +83,16 @@ def recorded(case: str) -> tuple[Any, Any, Any, tuple[Sample, ...]]:
     samples = samples[:count]
     for k in range(17, len(samples), 400 if count > 100 else 23):
         samples[k] = samples[k]._replace(y=None)
-    initial = [-3.0, 3.0] * problem.plant.n if design.kind == "interval" else None
+    initial = [-3.0, 3.0] * problem.plant.n if design.kind in GIVING_BOUNDS else None
     return design, observer, observer.start(samples[0].t, initial), tuple(samples)
 
 
 def rows(estimates: Iterable[Any]) -> list[Any]:
     return [
-        [None if x is None else np.array(x).tobytes() for x in (r.t, r.x, r.lower, r.upper, r.d)]
+        [
+            None if x is None else np.array(x).tobytes()
+            for x in (r.t, r.x, r.lower, r.upper, r.d, r.directions, r.lagged)
+        ]
         + [r.status, [tuple(map(repr, e.row() if hasattr(e, "row") else e)) for e in r.events]]
         for r in estimates
     ]

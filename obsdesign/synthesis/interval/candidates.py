@@ -8,7 +8,7 @@ verification analyses each of them exactly.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 
 from lmi.arithmetic.arrays import Entries
@@ -40,7 +40,7 @@ from obsdesign.synthesis.interval.coordinates import CoordinateSearch
 from obsdesign.synthesis.interval.descent import best_gains, solvers_of_gains
 from obsdesign.synthesis.interval.forms import gains_of_form
 from obsdesign.synthesis.interval.periodic import sampled_bases
-from obsdesign.synthesis.interval.placed import FEWEST_STATES, placed_choice
+from obsdesign.synthesis.interval.placed import FEWEST_STATES, PlacedGains, placed_gains
 from obsdesign.synthesis.interval.sampled_candidates import sampled_candidates
 from obsdesign.synthesis.interval.similarity import coordinates_of_assumption_4
 from obsdesign.synthesis.interval.task import GainSearch, Task
@@ -76,12 +76,12 @@ def synthesize_constrained(
     if _no_observer_exists(problem):
         yield from _without_search(problem, given, own)
         return
-    search = GainSearch(problem, given, budget, constraints)
+    search, placed = GainSearch(problem, given, budget, constraints), PlacedGains()
     if "S" not in own and "coordinates" in open_forms(problem):
-        yield from _at_once(search)
+        placed = yield from _at_once(search)
     for form in open_forms(problem):
         if form == "coordinates" and "S" not in own:
-            yield from _in_open_coordinates(search)
+            yield from _in_open_coordinates(search, placed.remarks)
         elif problem.plant.output.measured == "periodic":
             yield from sampled_candidates(search, form, [own])
         else:
@@ -160,18 +160,19 @@ def _inactive_constraints(search: GainSearch, task: Task, where: str) -> tuple[R
     )
 
 
-def _at_once(search: GainSearch) -> Iterator[Candidate]:
-    """Yield what is certified quickly where the searches over forms take long."""
+def _at_once(search: GainSearch) -> Generator[Candidate, None, PlacedGains]:
+    """Yield what is certified quickly where the searches over forms take long; return all of it."""
     problem = search.problem
     if problem.plant.n < FEWEST_STATES or problem.plant.output.measured == "periodic":
-        return
-    choice = placed_choice(search)
-    if choice is not None:
+        return PlacedGains()
+    placed = placed_gains(search)
+    if (choice := placed.choice) is not None:
         gains = gains_of_form(problem, "coordinates", choice.L, choice.M, {"S": choice.S})
         yield with_solvers(certified(problem, gains, search.budget, searched=True), choice.solvers)
+    return placed
 
 
-def _in_open_coordinates(search: GainSearch) -> Iterator[Candidate]:
+def _in_open_coordinates(search: GainSearch, remarks: tuple[Remark, ...]) -> Iterator[Candidate]:
     """Yield from candidate bases; only if that is not enough from a search over bases."""
     problem, given = search.problem, search.given
     if problem.plant.output.measured == "periodic":
@@ -187,6 +188,7 @@ def _in_open_coordinates(search: GainSearch) -> Iterator[Candidate]:
         L, M = given.get("L", best.L), given.get("M", best.M)
         gains = gains_of_form(problem, "coordinates", L, M, {"S": best.S})
         candidate = certified(
-            problem, gains, search.budget, searched=True, goes_on=improve, remarks=best.remarks
-        )
+            problem, gains, search.budget, searched=True, goes_on=improve,
+            remarks=best.remarks + remarks,
+        )  # fmt: skip
         yield with_solvers(candidate, best.solvers)
