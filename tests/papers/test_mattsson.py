@@ -157,7 +157,7 @@ def test_in_noise_slow_exponents_help_and_weighting_helps_more(output: Any) -> N
     inside = (t >= 60) & (t <= 200)
     rms: dict[str, list[float]] = {"first": [], "second": [], "gls": [], "state": []}
     late = []
-    for seed in range(3):
+    for seed in range(2):
         y = x @ C.T + np.random.default_rng(900 + seed).normal(0, 10**0.5, (len(t), 1))
         for name, exponents, options in (
             ("first", FIRST, {"weighting": "plain"}),

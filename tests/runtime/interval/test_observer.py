@@ -30,7 +30,7 @@ from tests.systems.interval_runs import (
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_state_never_leaves_its_bounds(seed: int) -> None:
     assert random_run(seed).violation() <= SIMULATION_ROUNDING
