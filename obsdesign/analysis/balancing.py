@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,9 @@ def balancing_units(A: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, float]:
     from scipy.linalg import matrix_balance
 
     with np.errstate(all="ignore"):
-        start = np.exp2(np.round(_even_bits(A, C, D=D)))
+        n, p = len(A), len(C)
+        ties = [(A, 0, 0, 1.0), (C, n, 0, 0.0), (D, 0, n + p, 0.0)]
+        start = np.exp2(np.round(_even_bits(n, ties)))
         scaled = A * start / start[:, None]
         if not np.isfinite(scaled).all():
             start, scaled = np.ones(len(A)), A
@@ -58,7 +61,11 @@ class BalancedPlant:
     def from_matrices(cls, A: Matrix, C: Matrix, G: Matrix | None = None) -> BalancedPlant:
         """Rows of C are of length one; G (n, n): of jumps."""
         with np.errstate(all="ignore"):
-            sizes = np.exp2(_even_bits(A, C, G=G))
+            # no unit of x matters to this pace; without cycles there is none
+            pace = spectral_radius(np.abs(A)) or 1.0
+            ties = [(A / pace, 0, 0, 0.0), (C, len(A), 0, 0.0)]
+            ties += [] if G is None else [(G, 0, 0, 0.0)]
+            sizes = np.exp2(_even_bits(len(A), ties))
             flow = A * sizes / sizes[:, None]
             if not (np.isfinite(flow).all() and np.isfinite(C * sizes).all()):
                 sizes, flow = np.ones(len(A)), A
@@ -80,29 +87,27 @@ class BalancedPlant:
         return np.asarray(self.sizes[:, None] * self.pace * L / self.rows)
 
 
-def _even_bits(A: Matrix, C: Matrix, *, G: Matrix | None = None, D: Matrix | None = None) -> Matrix:
-    """Binary logarithms (n,) of sizes that make most entries of each matrix alike.
+# matrix, where its rows and columns stand among the unknown sizes, and the exponent of its pace
+_Tie = tuple[Matrix, int, int, float]
 
-    Those of A as large as its pace, those of G as one, since it has no unit of time. Sums of magnitudes
-    by reweighted least squares: an entry that is mere rounding counts little. Linear in logarithms,
-    so that other units of x, y or d move the answer by exactly those, the common factor aside.
+
+def _even_bits(n: int, ties: Sequence[_Tie]) -> Matrix:
+    """Binary logarithms (n,) of sizes that bring most entries of each matrix to one magnitude.
+
+    Sums of magnitudes by reweighted least squares: an entry that is mere rounding counts little.
+    Linear in logarithms, so that other units move the answer by exactly those, the common factor
+    aside, as far as the entries tie the units together.
     Source: Curtis, Reid, On the automatic scaling of matrices for Gaussian elimination (1972).
     """
-    n, p = len(A), len(C)
-    q = 0 if D is None else D.shape[1]
-    # independent of the units of x; without cycles there is none, and other units of t make others
-    pace = float(np.log2(spectral_radius(np.abs(A)) or 1.0))
-    ties = [(A, 0, 0, pace), (C, n, 0, 0.0)]
-    ties += [] if G is None else [(G, 0, 0, 0.0)]
-    ties += [] if D is None else [(D, 0, n + p, 0.0)]
+    count = 1 + max(max(to + len(X), start + X.shape[1]) for X, to, start, _ in ties)
     rows, values = [], []
-    for X, to, start, size in ties:
+    for X, to, start, pace in ties:
         for i, j in zip(*np.nonzero(X), strict=True):
             if to + i != start + j:
-                row = np.zeros(n + p + q)
-                row[[to + i, start + j]] = 1.0, -1.0
+                row = np.zeros(count)
+                row[[to + i, start + j, -1]] = 1.0, -1.0, pace
                 rows.append(row)
-                values.append(np.log2(abs(X[i, j])) - size)
+                values.append(np.log2(abs(X[i, j])))
     if not rows:
         return np.zeros(n)
     table, bits, weights = np.array(rows), np.array(values), np.ones((len(rows), 1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 from collections.abc import Sequence
+from functools import cache
 from importlib.resources import files
 
 from lmi.arithmetic.arrays import Value
@@ -19,18 +20,23 @@ _FIRST = ("propertyNames", "additionalProperties", "required")
 
 def check_structure(body: Value) -> None:
     """InputError for the most informative violation of the schema by parsed TOML or JSON."""
-    import jsonschema
-
     if not isinstance(body, dict):
         raise InputError(f"a problem must be a table with [flow] and [output]; got {shown(body)}.")
-    text = files("obsdesign").joinpath("problem/problem.schema.json").read_text("utf-8")
-    schema = json.loads(text)
+    validator = _validator()
     try:
-        errors = list(jsonschema.Draft202012Validator(schema).iter_errors(_abridged(body)))
+        errors = list(validator.iter_errors(_abridged(body)))
     except ValueError:  # it puts values into text, and Python refuses such integers
         raise InputError("numbers must fit binary64; an integer has thousands of digits.") from None
     if errors:
-        raise InputError(_sentence(min(errors, key=_rank), body, schema))
+        raise InputError(_sentence(min(errors, key=_rank), body, validator.schema))
+
+
+@cache  # of a file that does not change: reading it takes longer than a problem
+def _validator() -> Value:
+    import jsonschema  # slow to import
+
+    text = files("obsdesign").joinpath("problem/problem.schema.json").read_text("utf-8")
+    return jsonschema.Draft202012Validator(json.loads(text))
 
 
 def _abridged(value: Value) -> Value:

@@ -31,9 +31,11 @@ def code_of(*arguments: object, is_read: bool) -> int:
 
 
 @pytest.mark.parametrize("command", ["verify", "check", "compare", "schema", "verify --json"])
-def test_a_reader_that_leaves_is_no_verdict(command: str, design: Path) -> None:
+def test_a_reader_that_leaves_is_no_verdict(command: str, design: Path, tmp_path: Path) -> None:
     name, *options = command.split()
-    source = {"verify": [design], "schema": ["design"]}.get(name, [EXAMPLES / "degue_4_1.toml"])
+    plant = tmp_path / "plant.toml"  # of which all observers are found at once
+    plant.write_text("[flow]\nA = [[-1]]\n[output]\nC = [[1]]\nnoise_bound = [0.1]\n")
+    source = {"verify": [design], "schema": ["design"]}.get(name, [plant])
     assert code_of(name, *source, *options, is_read=False) == 141
     assert code_of(name, *source, *options, is_read=True) == 0
 

@@ -76,7 +76,7 @@ def test_point_observers_do_not_depend_on_units(seed: int, n: int) -> None:
         assert_same_gains(one, other, *units, L=1e-4, M=0.2)
 
 
-@pytest.mark.parametrize("seed", [1])
+@pytest.mark.parametrize("seed", [4])
 @pytest.mark.parametrize("output", [{}, {"measured": "periodic", "period": 0.1}])
 def test_interval_observers_do_not_depend_on_units(seed: int, output: dict[str, Any]) -> None:
     rng = np.random.default_rng([seed, 1])
@@ -87,7 +87,7 @@ def test_interval_observers_do_not_depend_on_units(seed: int, output: dict[str, 
         for each in (plant, other)
     )
     assert first.verdict == second.verdict == "proved"
-    assert_same_gains(first, second, *units, L=1e-6)
+    assert_same_gains(first, second, *units, L=1e-6, M=1e-6)
     # of widths that are summed in the units of the file, which weigh the states
     assert outcome_of(other, "interval", output=output).verdict == "proved"
 

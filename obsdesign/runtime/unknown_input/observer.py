@@ -135,7 +135,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
 
     def _moderate(self, y: ArrayLike | None) -> Matrix | None:
         """The array itself if its length alone shows that every entry is usable."""
-        if type(y) is np.ndarray and y.dtype.char == "d" and y.shape == (self.gains.p,):
+        if type(y) is np.ndarray and y.dtype.char == "d" and y.shape == self._steps.shape:
             return y if hypot(*y.tolist()) < MODERATE else None
         return None
 

@@ -62,6 +62,7 @@ class Steps:
     def __init__(self, gains: UnknownInputGains) -> None:
         g, k, p = gains, gains.k, gains.p
         self.gains, self.is_damped = gains, gains.differentiator == "damped"
+        self.shape = (p,)  # of a measurement
         self.cache: OrderedDict[float, Matrix] = OrderedDict()
         numbers = [np.abs(X).max() for X in vars(g).values() if np.ndim(X) and np.size(X)]
         self.has_usual_gains = bool(max(numbers) < _LARGEST_GAIN)

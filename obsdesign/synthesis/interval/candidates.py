@@ -39,8 +39,8 @@ from obsdesign.synthesis.interval.certified import (
 from obsdesign.synthesis.interval.coordinates import CoordinateSearch
 from obsdesign.synthesis.interval.descent import best_gains, solvers_of_gains
 from obsdesign.synthesis.interval.forms import gains_of_form
-from obsdesign.synthesis.interval.periodic import sampled_bases
 from obsdesign.synthesis.interval.placed import FEWEST_STATES, PlacedGains, placed_gains
+from obsdesign.synthesis.interval.sampled_bases import sampled_bases
 from obsdesign.synthesis.interval.sampled_candidates import sampled_candidates
 from obsdesign.synthesis.interval.similarity import coordinates_of_assumption_4
 from obsdesign.synthesis.interval.task import GainSearch, Task

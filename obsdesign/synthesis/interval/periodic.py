@@ -16,27 +16,23 @@ Source: the dual of positive systems, as in C. Briat, Automatica 49 (2013).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Indices, Matrix
-from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
+from lmi.arithmetic.arrays import Indices, Matrix
+from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, exponential_grid
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.constrained import Expression
 from lmi.solvers import Solvers
 from lmi.time_budget import TimeBudget
-from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
-from obsdesign.errors import InputError
 from obsdesign.problem.options import IntervalOptions
-from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
 from obsdesign.synthesis.interval.constraints import diagonal_constraints, program_minimum
-from obsdesign.synthesis.interval.coordinates import bases, eigenbasis
 from obsdesign.synthesis.interval.task import (
     at_most,
     balanced_units,
@@ -44,7 +40,6 @@ from obsdesign.synthesis.interval.task import (
     sampling_limit,
     width_weights,
 )
-from obsdesign.synthesis.placement import placed_gain
 
 # contraction from sample to sample: none but what the least width needs, then ever more
 CONTRACTIONS = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.2, 0.1)
@@ -53,8 +48,6 @@ _FORGETTING = 1e-6
 _POINTS = 9  # of a period, for the time average
 _MOST_PERIODS = 2000  # from jump to jump
 _LEAST_WEIGHT = 1e-6  # so that every row of L counts for something
-# radii of the poles that coordinates are made for, from sample to sample
-_RADII = (0.9, 0.6, 0.3)
 
 
 class SampledPlant:
@@ -282,31 +275,3 @@ class _Program:
             signed = np.column_stack([X[i], -CX.T, CX.T])
             for sign in (1.0, -1.0):
                 self.below(columns, np.column_stack([sign * signed, -np.ones(n)]), 0.0)
-
-
-def sampled_bases(problem: Problem, given: Mapping[str, Array]) -> Iterator[Matrix]:
-    """Coordinates to try: those of flow and jump, then of the step with its sample."""
-    plant = problem.plant
-    zero = np.zeros((plant.n, plant.p))
-    yield from bases(plant, zero, zero)
-    h, units = float(problem.require("output.period")), BalancedPlant.from_plant(plant)
-    flow = expm(plant.flow.A * h)
-    if not np.isfinite(flow).all():
-        return
-    gains = [given["L"]] if "L" in given else _placed(plant, flow)
-    for L in gains:
-        S = eigenbasis(units.map(flow - L @ plant.output.C @ flow))
-        if S is not None:
-            yield units.sizes[:, None] * S
-
-
-def _placed(plant: Plant, flow: Matrix) -> Iterator[Matrix]:
-    """Gains with real poles from sample to sample, apart from each other: of one sign, of both."""
-    n = plant.n
-    for radius in _RADII:
-        for lowest in (0.3, -1.0) if n > 1 else (1.0,):
-            poles = radius * np.linspace(1.0, lowest, n)
-            try:
-                yield placed_gain(flow, plant.output.C @ flow, poles.tolist())
-            except (InputError, np.linalg.LinAlgError):
-                return

@@ -25,12 +25,11 @@ from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.linear_program import minimise
 from lmi.solvers import Solvers
 from lmi.time_budget import Remark
-from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.analysis.interval.requirements import large_gain
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.synthesis.interval.coordinates import CoordinateChoice, scaled_columns
 from obsdesign.synthesis.interval.goals import growth, mean_width
-from obsdesign.synthesis.interval.task import GainSearch, Task
+from obsdesign.synthesis.interval.task import GainSearch, Task, balanced_units
 from obsdesign.synthesis.placement import robust_gain
 
 # with fewer states the searches over forms are quick
@@ -78,8 +77,7 @@ class PlacedGains:
 
 def placed_gains(search: GainSearch) -> PlacedGains:
     """Gains from placed poles, without constraints on the gains, and with L open."""
-    plant, best = search.problem.plant, PlacedGains()
-    units = BalancedPlant.from_plant(plant)
+    units, best = balanced_units(search.problem), PlacedGains()
     limit = search.problem.options_as(IntervalOptions).gain_limit
     for poles in _pole_sets(units.A) if _is_open(search) else ():
         if search.budget.remaining() < 0:

@@ -81,9 +81,7 @@ class Task:
     ) -> Task:
         """The task in coordinates S (None: the plant's own, in balanced units).
 
-        given: L, M as far as fixed.
-
-        user: constraints beside those of the problem.
+        given: L, M as far as fixed; user: constraints beside those of the problem.
         """
         plant = problem.plant
         n, p = plant.n, plant.p
@@ -135,9 +133,7 @@ class Task:
 
     def _outward(self, name: str, K: Matrix) -> Matrix:
         """A gain in the plant's coordinates, with the zeros and the norm of its constraints."""
-        entry = self.constraints.get(name)
-        whole = self.S @ K / self.rows
-        whole = at_most(self.gain_limit, whole)
+        entry, whole = self.constraints.get(name), at_most(self.gain_limit, self.S @ K / self.rows)
         return whole if entry is None else entry.rounded(whole)
 
     def within(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
@@ -251,9 +247,7 @@ def given_limit(problem: Problem) -> float:
 
 
 def _caps(problem: Problem, S: Matrix | None, units: BalancedPlant, largest: float) -> Matrix:
-    """Caps (n, p) of a gain in z, for which |S K| stays below the given one, or else about
-    `largest` in balanced units.
-    """
+    """Caps (n, p) of a gain in z: of the given limit of |S K|, or `largest` in balanced units."""
     limit, plant = given_limit(problem), problem.plant
     basis = np.diag(units.sizes) if S is None else S
     if math.isfinite(limit):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,23 @@ from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import REFERENCE, run
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _designed_once() -> Iterator[None]:
+    """The designs of a problem are the same on every record: each is made once here."""
+    made: dict[str, Any] = {}
+    own = comparison._designs
+
+    def designs(problem: obsdesign.Problem, seconds: float | None) -> Any:
+        key = json.dumps([problem.to_dict(), seconds])
+        if key not in made:
+            made[key] = own(problem, seconds)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "_designs", designs)
+        yield
 
 
 def load(name: str) -> obsdesign.Problem:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +36,16 @@ A, C = np.array(ROTATION), np.array([[0.3, 0.0]])
 
 
 def search_result(what: str = "longest_period", **changes: Any) -> dict[str, Any]:
+    """The result of a search, which several tests may look at."""
+    return copy.deepcopy(_result(what, json.dumps(changes)))
+
+
+@cache
+def _result(what: str, changes: str) -> dict[str, Any]:
+    return fresh_result(what, **json.loads(changes))
+
+
+def fresh_result(what: str = "longest_period", **changes: Any) -> dict[str, Any]:
     outcome = search(sampled_problem(**changes), what)
     assert outcome.verdict == "proved"
     return dict(outcome.result)
@@ -52,10 +64,10 @@ def test_given_window_and_gain() -> None:
 
 def test_more_samples_than_a_design_holds_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(period_search, "MOST_SAMPLES", 116)
-    remarks = search_result(window=6, gains={"L": L})["remarks"]
+    remarks = fresh_result(window=6, gains={"L": L})["remarks"]
     assert any("117 samples in a window are more than" in text for text in remarks)
     monkeypatch.setattr(period_search, "MOST_SAMPLES", 117)  # the twin
-    remarks = search_result(window=6, gains={"L": L}).get("remarks", [])
+    remarks = fresh_result(window=6, gains={"L": L}).get("remarks", [])
     assert not any("samples in a window" in text for text in remarks)
 
 

@@ -212,12 +212,15 @@ def test_spacing_zero_is_an_ordinary_end_of_the_range() -> None:
 # --- the gain -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("unit", [2.0**-20, 2.0**20])
-def test_units_of_time_do_not_matter(unit: float) -> None:
+def test_units_of_time_do_not_matter() -> None:
     A, G, C = SPLINE
-    plain = obsdesign.design(impulsive_problem(SPLINE, [0.1, 0.8]))
-    scaled = obsdesign.design(impulsive_problem((A * unit, G, C), [0.1 / unit, 0.8 / unit]))
-    assert scaled.gains["window"] == plain.gains["window"]
+    windows = {
+        obsdesign.design(impulsive_problem((A * unit, G, C), [0.1 / unit, 0.4 / unit])).gains[
+            "window"
+        ]
+        for unit in (1.0, 2.0**-20, 2.0**20)
+    }
+    assert len(windows) == 1
 
 
 def test_a_measurement_after_the_impulse_sees_what_is_left() -> None:
