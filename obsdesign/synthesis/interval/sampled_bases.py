@@ -1,4 +1,4 @@
-"""Coordinates for samples as events: bases of flow and jump, and of the step with its sample."""
+"""Coordinates for samples as events: bases of flow, jump and the step with its sample."""
 
 from __future__ import annotations
 
