@@ -11,7 +11,6 @@ from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
 from obsdesign.document import Claim
-from obsdesign.equations.gains import plant_data
 from obsdesign.equations.set_membership.gains import SetMembershipGains, plant_entries
 from obsdesign.problem.options import SetMembershipOptions
 from obsdesign.problem.problem import Problem
@@ -54,7 +53,7 @@ def claims(
 
 def _expected(problem: Problem, stored: Entries) -> NewEntries:
     options = problem.options_as(SetMembershipOptions)
-    expected = plant_data(problem.plant) | plant_entries(problem.plant)
+    expected = plant_entries(problem.plant)
     # a window that the problem leaves open is a choice: every one gives sound bounds
     window = stored.get("window") if options.window is None else options.window
     expected |= {"window": window, "steps": options.steps}
