@@ -64,7 +64,9 @@ class Problem:
         plain: NewEntries = {"name": name, "flow": flow, "output": output, "jump": jump}
         plain |= {"event": event, "sensor": sensor, "observer": observer}
         body: NewEntries = {
-            key: as_block(value) for key, value in plain.items() if value is not None
+            key: as_block(value)
+            for key, value in plain.items()
+            if value is not None or key in ("name", "flow")
         }
         check_structure(body)
         _check_name(body["name"])

@@ -58,7 +58,7 @@ class Columns:
     @property
     def happens(self) -> list[bool]:
         """Does a jump happen at the row?"""
-        happens: list[bool] = self.jump.reshape(len(self.t), -1).any(axis=1).tolist()
+        happens: list[bool] = np.atleast_1d(self.jump.reshape(len(self.t), -1).any(axis=1)).tolist()
         return happens
 
     @property
