@@ -51,7 +51,8 @@ def instants_of(
     samples = [_sample_times(sensor, until, rng) for sensor in plant.sensors]
     always = [sensor.measured == "continuous" for sensor in plant.sensors]
     has_grid = step is not None or any(always) or _period(plant) > 0
-    grid = _grid(spacing, until) if has_grid else np.zeros(0)
+    # of several clocks t = 0 is a row, where nothing has happened yet
+    grid = _grid(spacing, until) if has_grid else np.zeros(0 if plant.has_one_clock else 1)
     listed = [*events, *samples, grid]
     times, rows = _merged(listed, _SAME_INSTANT * spacing)
     if any(len(np.unique(own)) < len(own) for own in rows) or not (np.diff(times) > 0).all():
