@@ -161,3 +161,19 @@ def test_a_sensor_at_an_event_is_read_there_alone() -> None:
     assert np.array_equal(np.isfinite(run.columns["plasma"]), run.happened[:, 1])
     with pytest.raises(InputError, match=r"random or shortest for several events \(dose, bolus\)"):
         simulate(Problem.from_dict(body).plant, dwell=3.0)
+
+
+def test_an_event_brings_its_own_input() -> None:
+    events = [
+        {"name": "left", "E": [[1], [0]], "every": [1, 2]},
+        {"name": "right", "E": [[0, 0], [2, 1]], "every": [1, 3]},
+    ]
+    sensor = {"name": "both", "C": [[1, 1]], "every": "continuous"}
+    problem = Problem.from_dict(
+        {"flow": {"A": [[0, 0], [0, 0]]}, "event": events, "sensor": [sensor]}
+    )
+    run = simulate(problem.plant, until=20.0, initial=[0.0, 0.0])
+    left, first, second = (np.nan_to_num(run.columns[x]) for x in ("left", "right1", "right2"))
+    assert np.allclose(run.block("x"), np.cumsum(np.column_stack([left, 2 * first + second]), 0))
+    assert run.happened is not None
+    assert np.array_equal(np.isfinite(run.columns["right1"]), run.happened[:, 1])

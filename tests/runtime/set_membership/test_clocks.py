@@ -150,7 +150,8 @@ def test_what_an_event_shifts_is_of_the_sensors_that_see_after_it() -> None:
 
 def test_clocks_that_are_not_kept_are_named_and_void_no_bound() -> None:
     rows = [Sample(0.0, np.array([0.0, 0.0])), Sample(1.0, w=np.zeros(1), jump=True, events=(0,)),
-            Sample(4.0, w=np.zeros(1), jump=True, events=(0,)), Sample(14.0), Sample(19.0)]  # fmt: skip
+            Sample(4.0, np.array([0.0, np.nan]), w=np.zeros(1), jump=True, events=(0,)),
+            Sample(14.0), Sample(19.0)]  # fmt: skip
     listed = estimates(observer_of(DOSES), rows)
     assert [one.status for one in listed] == [
         "ok",
