@@ -10,6 +10,7 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 from obsdesign.kinds import GAINS, KINDS
+from obsdesign.problem.clocks import Event, Sensor
 from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF
 from obsdesign.problem.plant import Flow, Jump, Output
 from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
@@ -22,7 +23,10 @@ HEAD = {
     'keys. Infinity is inf in TOML and the string "inf" in JSON, allowed only as the upper dwell '
     "time and as dwell_jitter. Shapes, bounds and finiteness are checked beyond this schema.",
     "type": "object",
-    "required": ["flow", "output"],
+    "required": ["flow"],
+    "if": {"anyOf": [{"required": ["event"]}, {"required": ["sensor"]}]},
+    "then": {"required": ["sensor"], "properties": {"jump": {"not": {}}, "output": {"not": {}}}},
+    "else": {"required": ["output"]},
     "additionalProperties": False,
 }
 NAME = {"type": "string", "title": "a text", "description": "What the plant is called."}
@@ -30,6 +34,10 @@ BLOCKS = {
     "flow": (Flow, "x'(t) = A x + B u(t) + D d(t) + b(t) between jumps."),
     "jump": (Jump, "x(t) = G x(t-) + E w[k] + H g[k] + c[k] at jump times."),
     "output": (Output, "y = C x + v."),
+}
+CLOCKS = {
+    "event": (Event, "A jump by a name of its own, as [jump], on a clock of its own."),
+    "sensor": (Sensor, "An output by a name of its own, as [output], on a clock of its own."),
 }
 KIND = {
     "enum": list(KINDS),
@@ -57,6 +65,13 @@ GAIN_DESCRIPTIONS = {
 def schema() -> dict[str, Any]:
     """The schema of a problem file."""
     blocks = {name: _block(name, *about) for name, about in BLOCKS.items()}
+    blocks |= {
+        name: {
+            "type": "array", "title": f"tables [[{name}]]", "minItems": 1,
+            "items": _block(name, *about),
+        }
+        for name, about in CLOCKS.items()
+    }  # fmt: skip
     kinds = {kind: _kind(kind) for kind in KINDS}
     return {
         **HEAD,

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 TIME, JUMP, STATUS = "t", "jump", "status"
+# names of the events of a row, where events have names
+EVENT = "event"
 # measurements, known inputs of the flow, known inputs of jumps; empty where there is none
 SIGNALS = ("y", "u", "w")
 # bounds of a row: of the flow's disturbance, of the jump's, of the noise; empty: as declared
@@ -21,6 +23,11 @@ ENDS = ("lo", "hi")
 def numbered(letter: str, count: int) -> tuple[str, ...]:
     """x1, x2, ..., as many as there are entries."""
     return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
+def signal_columns(name: str, count: int) -> tuple[str, ...]:
+    """Columns of an event or a sensor: its name, with a number where it has several entries."""
+    return (name,) if count == 1 else numbered(name, count)
 
 
 def pairs(names: Iterable[str]) -> tuple[str, ...]:

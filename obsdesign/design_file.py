@@ -162,6 +162,11 @@ def _gain(name: str, value: Value, path: str) -> Value:
         return value
     if name in _WORDS and not isinstance(value, str):
         raise InputError(f"{entry} must be a word; got {shown(value)}.")
+    if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
+        return [
+            {key: _gain(f"{name}[{i}].{key}", item, path) for key, item in block.items()}
+            for i, block in enumerate(value)
+        ]
     if value == "inf" or not isinstance(value, str):
         value = _numbers(value, entry)
     if isinstance(value, list):

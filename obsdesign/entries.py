@@ -155,3 +155,8 @@ def real(value: Value, entry: str) -> float:
         return in_range(float(value), entry)
     except OverflowError:
         raise InputError(f"{entry} must fit a binary64 number; got {shown(value)}.") from None
+
+
+def missing_entry(entry: str, needed_by: str, absent: str = "it") -> str:
+    """The sentence about an entry that is missing, where `absent`, it or the block it is of, is."""
+    return f"{entry} is required by {needed_by}; {absent} is missing."

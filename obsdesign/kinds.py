@@ -70,6 +70,8 @@ GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {kind.name: kind.gains for 
 
 # kinds that give bounds: they start from bounds of the state
 GIVING_BOUNDS = ("interval", "set_membership")
+# kinds that take several events and sensors, each on a clock of its own
+TAKING_CLOCKS = ("set_membership",)
 
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")

@@ -12,9 +12,10 @@ def reason_against_unbounded(plant: Plant, kind: str) -> str | None:
             f"flow.D is refused by kind {kind!r}: an unknown input without bounds leaves no "
             "bounds on the state. Give bounds as flow.disturbance."
         )
-    if plant.jump is not None and plant.jump.H is not None:
-        return (
-            f"jump.H is refused by kind {kind!r}: impulses of unknown weight leave no bounds "
-            "on the state. Give bounds as jump.disturbance."
-        )
+    for event in plant.events:
+        if event.H is not None:
+            return (
+                f"{event.entry}.H is refused by kind {kind!r}: impulses of unknown weight leave no "
+                f"bounds on the state. Give bounds as {event.entry}.disturbance."
+            )
     return None

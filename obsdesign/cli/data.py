@@ -21,7 +21,7 @@ from obsdesign.cli.talk import is_quiet, on_stderr, say, warn
 from obsdesign.errors import InputError
 
 if TYPE_CHECKING:
-    from obsdesign.problem.plant import Output
+    from obsdesign.problem.plant import Plant
 
 
 @click.command()
@@ -162,18 +162,18 @@ def plot(
     else:
         from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
 
-        output_block = None if design_file is None else _output_of(design_file)
-        plot_estimate(estimate, data, output, events, Comparison(beside, output_block))
+        plant = None if design_file is None else _plant_of(design_file)
+        plot_estimate(estimate, data, output, events, Comparison(beside, plant))
     say(f"written: {output}")
     return 0
 
 
-def _output_of(design_file: str) -> Output:
-    """What the plant of a design measures."""
+def _plant_of(design_file: str) -> Plant:
+    """The plant of a design."""
     from obsdesign.design_file import load_design
     from obsdesign.problem.problem import Problem
 
-    return Problem.from_dict(load_design(design_file).problem).plant.output
+    return Problem.from_dict(load_design(design_file).problem).plant
 
 
 @click.command()

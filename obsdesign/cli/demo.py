@@ -45,7 +45,7 @@ def run_demo(folder: Path) -> int:
         tally = execute(design, data, estimates[kind], _INITIAL_BOUNDS, None)
         click.echo(f"{kind}: {tally.rows} rows of data, guarantee held on {tally.good}")
     own, other = estimates.values()
-    plot_estimate(own, data, picture, None, Comparison(other, plant.output))
+    plot_estimate(own, data, picture, None, Comparison(other, plant))
     click.echo("written:")
     for name in (problem, *designs.values(), data, *estimates.values(), picture):
         click.echo(f"  {name}")

@@ -53,7 +53,7 @@ def compare(
     loaded = load_problem(problem)
     start = None if initial is None else numbers(initial, "--initial")
     if data is not None:
-        record = ComparisonRecord.from_file(data, loaded.plant)
+        record = ComparisonRecord.from_file(data, loaded)
     else:
         rng = np.random.default_rng(seed or 0)
         record = ComparisonRecord.from_simulation(loaded.plant, rng=rng, **options)

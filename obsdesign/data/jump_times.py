@@ -11,18 +11,16 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.entries import positive
 from obsdesign.errors import InputError
-from obsdesign.problem.plant import Plant
+from obsdesign.problem.plant import Jump
 
 _MOST_JUMPS = 1e5
 
 
 def jump_times(
-    plant: Plant, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
+    event: Jump, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
 ) -> Matrix:
-    """Jump instants in (0, until]; the first one a dwell time after 0."""
-    if plant.jump is None:
-        return np.zeros(0)
-    spacing = _spacings(plant, dwell, until, rng)
+    """Instants of a jump in (0, until]; the first one a dwell time after 0."""
+    spacing = _spacings(event, dwell, until, rng)
     times, t = [], 0.0
     for theta in spacing:
         t += theta
@@ -33,24 +31,23 @@ def jump_times(
 
 
 def _spacings(
-    plant: Plant, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
+    event: Jump, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
 ) -> Iterable[float]:
-    if plant.jump is None or plant.jump.dwell_time is None:
+    entry = "jump.dwell_time" if event.entry == "jump" else f"{event.entry}.every"
+    if event.dwell_time is None:
         if isinstance(dwell, str):
             raise InputError(
-                "jump.dwell_time is required to simulate jumps; it is missing. Write it, or give "
+                f"{entry} is required to simulate jumps; it is missing. Write it, or give "
                 "the times: simulate --dwell T."
             )
         low, high, jitter = 0.0, math.inf, math.inf
     else:
-        (low, high), jitter = plant.jump.dwell_time, plant.jump.dwell_jitter
+        (low, high), jitter = event.dwell_time, event.dwell_jitter
     if dwell == "random":
-        return _random_spacings(low, high, jitter, until, rng)
+        return random_spacings(low, high, jitter, until, rng)
     if dwell == "shortest":
         if low == 0.0:
-            raise InputError(
-                "dwell = shortest needs jump.dwell_time[0] > 0; it is 0. Give a number."
-            )
+            raise InputError(f"dwell = shortest needs {entry}[0] > 0; it is 0. Give a number.")
         return _repeat(low, until)
     if isinstance(dwell, str):
         raise InputError(f"dwell must be shortest, random or a positive number; got {dwell!r}.")
@@ -79,7 +76,7 @@ def _cycle(thetas: list[float], until: float) -> Iterable[float]:
     return itertools.cycle(thetas)
 
 
-def _random_spacings(
+def random_spacings(
     low: float, high: float, jitter: float, until: float, rng: np.random.Generator
 ) -> Iterator[float]:
     """Uniform in the range; a mean of two shortest dwell times where it has no end."""

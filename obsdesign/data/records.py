@@ -10,19 +10,19 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TextIO
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
-from obsdesign.column_names import data_columns, numbered
+from obsdesign.column_names import numbered
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
-from obsdesign.document import Design
+from obsdesign.data.clock_columns import ClockColumns
+from obsdesign.data.layout import Layout as Layout
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import Observer, Sample
-from obsdesign.runtime.bounds import DeclaredBounds
+from obsdesign.runtime.base import Sample
 
 Remark = Callable[[str], None]
 # characters: hundreds of columns of numbers in full
@@ -32,57 +32,6 @@ _NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
 
 def discard(text: str) -> None:
     """Discard a remark."""
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Columns of a plant's data: numbers of measurements, known inputs, jump inputs; jumps.
-
-    bounds: declared ones that columns of a row may narrow, None where none are used; unused:
-    letters of those that stay as declared.
-    """
-
-    y: int
-    u: int = 0
-    w: int = 0
-    jump: bool = False
-    bounds: DeclaredBounds | None = None
-    unused: str = ""
-
-    @staticmethod
-    def from_reads(reads: Mapping[str, int]) -> Layout:
-        """The layout of the samples that an observer reads (`Observer.reads`)."""
-        return Layout(reads["y"], reads["u"], reads["w"], bool(reads["jump"]))
-
-    @staticmethod
-    def from_design(design: Design, observer: Observer) -> Layout:
-        """The layout of the samples that the observer of a design reads, and their bounds.
-
-        Where b = Bw w or c = W w, columns are of w: an observer that has no use for the matrix
-        knows the box around b or c alone, which they do not narrow.
-        """
-        layout, bounds = Layout.from_reads(observer.reads), observer.declared_bounds
-        if bounds is None:
-            return layout
-        folded = [
-            letter
-            for letter, block, gain in (
-                ("b", "flow", "disturbance_matrix"),
-                ("c", "jump", "jump_disturbance_matrix"),
-            )
-            if "disturbance_matrix" in design.problem.get(block, {}) and gain not in design.gains
-        ]
-        return replace(layout, bounds=bounds, unused="".join(folded))
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Required columns, in their usual order."""
-        return data_columns({"y": self.y, "u": self.u, "w": self.w}, self.jump)
-
-    @property
-    def optional(self) -> tuple[str, ...]:
-        """Columns of bounds, which a file may have."""
-        return () if self.bounds is None else self.bounds.columns
 
 
 def read_samples(
@@ -159,14 +108,14 @@ class _Header:
         sample = _sample(cells, self.places, self.layout, where)
         if self.bounds is not None and self.bounds.titles:
             sample = sample._replace(bounds=self.bounds.of_row(cells, where))
-        if not self.layout.jump and "jump" in self.titles:
+        if self.layout.clocks is None and not self.layout.jump and "jump" in self.titles:
             unused = cells[self.titles.index("jump")].strip()
             if unused not in ("", "0", "0.0"):
                 raise InputError(
                     f"{where}: jump must be 0, since the design's plant has no [jump]; got "
                     f"{unused!r}. Is it the data of another plant?"
                 )
-        if sample.t <= previous:
+        if sample.t < previous or (sample.t == previous and not self.layout.may_repeat):
             raise InputError(
                 f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
                 "Are the rows sorted, without repeats?"
@@ -175,8 +124,14 @@ class _Header:
 
     def remark_on_unused(self, remark: Remark) -> None:
         """Remarks on columns of outputs beyond those of the plant, and of bounds nobody uses."""
-        known = {*self.layout.columns, *self.layout.optional}
-        more = [x for x in self.titles if re.fullmatch(r"y[1-9]\d*", x) and x not in known]
+        if self.layout.clocks is not None:
+            self._remark_on_unknown(self.layout.clocks, remark)
+        known = {*self.layout.columns(), *self.layout.optional}
+        more = (
+            []
+            if self.layout.clocks
+            else [x for x in self.titles if re.fullmatch(r"y[1-9]\d*", x) and x not in known]
+        )
         if more:
             outputs = f"{self.layout.y} output{'s' * (self.layout.y != 1)}"
             remark(
@@ -186,6 +141,15 @@ class _Header:
         remark_on_unused_bounds(self.titles, self.layout.bounds, self.name, remark)
         if self.bounds is not None:
             self.bounds.remark_on_folded(self.name, remark, self.layout.unused)
+
+    def _remark_on_unknown(self, clocks: ClockColumns, remark: Remark) -> None:
+        """A remark on columns that look like those of events and sensors, and are of none."""
+        if more := clocks.unknown(self.titles):
+            names = ", ".join([*clocks.events, *clocks.sensors])
+            remark(
+                f"{self.name}: {', '.join(more)} of the header are not used, since the events and "
+                f"sensors of the design's plant are {names}."
+            )
 
 
 def _lines(stream: TextIO, name: str) -> Iterator[str]:
@@ -217,7 +181,8 @@ def _cells(line: str, where: str, name: str) -> list[str]:
 def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
     if header and header[0].startswith("\ufeff"):
         header[0] = header[0].removeprefix("\ufeff")
-    for title in layout.columns:
+    required = layout.columns(header)
+    for title in required:
         if title not in header:
             titles = ", ".join(header)
             hint = ""
@@ -228,13 +193,13 @@ def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
             raise InputError(
                 f"{name}: column {title!r} is required; the header has {titles}.{hint}"
             )
-    for title in (*layout.columns, *layout.optional):
+    for title in dict.fromkeys((*required, *layout.optional)):
         if header.count(title) > 1:
             raise InputError(
                 f"{name}: column {title!r} stands {header.count(title)} times in the header."
             )
     optional = [title for title in layout.optional if title in header]
-    return {title: header.index(title) for title in (*layout.columns, *optional)}
+    return {title: header.index(title) for title in (*required, *optional)}
 
 
 def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str) -> Sample:
@@ -251,6 +216,10 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
     t = number("t")
     if t is None:
         raise InputError(f"{where}: t must be a finite number; it is empty.")
+    if layout.clocks is not None:
+        row = layout.clocks.of_row(cells, places, where)
+        u, happens = whole("u", layout.u), bool(row.events)
+        return Sample(t, row.y, u, row.w, happens, events=row.events)
     jump = number("jump") if layout.jump else 0.0
     if jump not in (0.0, 1.0):
         raise InputError(f"{where}: jump must be 0 or 1; got {cells[places['jump']]!r}.")

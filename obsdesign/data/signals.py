@@ -6,9 +6,11 @@ matrix: x' = A x + c + sum of columns times sines, c' = 0, and an oscillator for
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.problem.plant import Flow, Plant
@@ -40,7 +42,7 @@ class Signals:
     generator: Matrix
     flow: Bounded
     unknown_input: Bounded
-    jump_disturbance: Bounded
+    jump_disturbances: tuple[Bounded, ...]
     noise: Bounded
     gaussian: Matrix
     u: Matrix
@@ -58,28 +60,44 @@ class Signals:
         angles = np.concatenate([s.omega * t + s.phase for s in (self.flow, self.unknown_input)])
         return np.concatenate([x, constant, np.sin(angles), np.cos(angles)])
 
-    def jump(self, k: int) -> Matrix:
-        """E w + H g + c at row k."""
-        jump = self.plant.jump
-        assert jump is not None
-        total: Matrix = jump.disturbance_columns @ self.jump_disturbance.held[k]
+    def jump(self, k: int, event: int) -> Matrix:
+        """E w + H g + c of an event at row k."""
+        jump, c = self.plant.events[event], self.jump_disturbances[event]
+        total: Matrix = jump.disturbance_columns @ c.held[k]
         if jump.E is not None:
-            total += jump.E @ self.w[k]
+            total += jump.E @ self._own(self.w[k], "E", event)
         if jump.H is not None:
-            total += jump.H @ self.weights[k]
+            total += jump.H @ self._own(self.weights[k], "H", event)
         return total
 
-    def measurement(self, clean: Matrix, k: int, t: float, measured: bool) -> Matrix:
+    def of_inputs(self, happens: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which known inputs w (rows, l) act, from the events that happen (rows, events)."""
+        return np.repeat(happens, _inputs_of(self.plant, "E"), axis=1)
+
+    def weights_of(self, k: int, happening: Sequence[int]) -> Matrix:
+        """Weights of impulses at row k, zero for events that do not happen."""
+        counts = _inputs_of(self.plant, "H")
+        acts = np.isin(np.repeat(np.arange(len(counts)), counts), happening)
+        return np.where(acts, self.weights[k], 0.0)
+
+    def _own(self, values: Matrix, key: str, event: int) -> Matrix:
+        counts = _inputs_of(self.plant, key)
+        first = sum(counts[:event])
+        return values[first : first + counts[event]]
+
+    def measurement(
+        self, clean: Matrix, k: int, t: float, measured: NDArray[np.bool_]
+    ) -> Matrix:  # fmt: skip
         """y at row k, NaN where there is none. A bound of the noise holds for all of it."""
-        if not measured:
+        if not measured.any():
             return np.full_like(clean, np.nan)
-        spread = np.hypot(self.plant.output.noise_std, self.plant.output.noise_cv * clean)
+        output = self.plant.outputs
+        spread = np.hypot(output.noise_std, output.noise_cv * clean)
         lower, upper = noise_ends(self.plant)
         noise = self.noise.value(k, t) + spread * self.gaussian[k]
-        if self.plant.output.noise_bound is not None:
+        if output.noise_bound is not None:
             noise = np.clip(noise, lower, upper)
-        value: Matrix = clean + noise
-        return value
+        return np.where(measured, clean + noise, np.nan)
 
     def unknown(self, times: Matrix) -> Matrix:
         """Truth of the unknown input, (rows, q)."""
@@ -90,14 +108,15 @@ class Signals:
 
 def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Signals:
     """Draw the signals of a run of that many rows; `kind` is one of DISTURBANCES."""
-    flow, jump, output = plant.flow, plant.jump, plant.output
-    n, p = len(flow.A), len(output.C)
+    flow, p = plant.flow, plant.p
     inputs, unknowns = _columns(flow.B), _columns(flow.D)
-    jump_low, jump_high = (jump.lower, jump.upper) if jump else (np.zeros(n), np.zeros(n))
     b = _bounded(flow.lower, flow.upper, kind, rows, rng)
     d = _bounded(-np.ones(unknowns), np.ones(unknowns), kind, rows, rng)
     # a jump has no duration: a sine is sampled there
-    c = _bounded(jump_low, jump_high, "random" if kind == "sine" else kind, rows, rng)
+    word = "random" if kind == "sine" else kind
+    boxes = [(event.lower, event.upper) for event in plant.events]
+    # drawn without events too: a seed gives the same noise with jumps and without
+    c = tuple(_bounded(*box, word, rows, rng) for box in boxes or [(np.zeros(plant.n),) * 2])
     v = _bounded(*noise_ends(plant), kind, rows, rng)
     changes = np.minimum(np.arange(rows) * _INPUT_CHANGES // max(rows, 1), _INPUT_CHANGES - 1)
     return Signals(
@@ -109,17 +128,22 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
         v,
         rng.standard_normal((rows, p)) * (kind != "zero"),
         rng.uniform(-1, 1, (_INPUT_CHANGES, inputs))[changes],
-        rng.uniform(-1, 1, (rows, _columns(jump.E if jump else None))),
-        rng.uniform(0.5, 1.5, (rows, _columns(jump.H if jump else None))),
+        rng.uniform(-1, 1, (rows, sum(_inputs_of(plant, "E")))),
+        rng.uniform(0.5, 1.5, (rows, sum(_inputs_of(plant, "H")))),
     )
 
 
 def noise_ends(plant: Plant) -> tuple[Matrix, Matrix]:
     """Lower and upper bounds of the noise, (p,); zeros where they are not known."""
-    bound = plant.output.noise_bound
+    bound = plant.outputs.noise_bound
     if bound is None:
         return np.zeros(plant.p), np.zeros(plant.p)
     return (-bound, bound) if bound.ndim == 1 else (bound[:, 0], bound[:, 1])
+
+
+def _inputs_of(plant: Plant, key: str) -> list[int]:
+    """Columns of E or H of every event."""
+    return [_columns(getattr(event, key)) for event in plant.events]
 
 
 def _columns(matrix: Matrix | None) -> int:

@@ -17,7 +17,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from dataclasses import Field, dataclass, field
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
@@ -61,6 +62,16 @@ def word(*allowed: str, optional: bool = False) -> Declared:
     return _field({"words": allowed}, optional)
 
 
+def text(*, optional: bool = False) -> Declared:
+    """Declare a name."""
+    return _field({"text": True}, optional)
+
+
+def blocks(kind: type[Stored]) -> Declared:
+    """Declare blocks of entries of their own, none by default."""
+    return field(default=(), metadata={"blocks": kind})
+
+
 def flag(*, optional: bool = False) -> Declared:
     """Declare true or false."""
     return _field({"flag": True}, optional)
@@ -71,15 +82,8 @@ def _field(metadata: Entries, optional: bool) -> Declared:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Gains(ABC):
-    """Entries of every kind, with checks and the forms of a design file.
-
-    A (n, n), C (p, n); noise_centre (p,): middle of the bounds of the noise, None where it is zero.
-    """
-
-    A: Array = matrix("n", "n")
-    C: Array = matrix("p", "n")
-    noise_centre: Array | None = matrix("p", optional=True)
+class Stored:
+    """Declared entries, with checks and the form of a design file."""
 
     def __post_init__(self) -> None:
         """ValueError unless every entry is there and all fit each other."""
@@ -92,9 +96,9 @@ class Gains(ABC):
 
     @classmethod
     def from_document(cls, entries: Entries) -> Self:
-        """The gains that a design file states; ValueError if one is missing or does not fit."""
+        """The entries that a design file states; ValueError if one is missing or does not fit."""
         names = {entry.name for entry in dataclasses.fields(cls)}
-        required = [entry for entry in dataclasses.fields(cls) if entry.default is not None]
+        required = [entry for entry in dataclasses.fields(cls) if entry.default is MISSING]
         for entry in required:
             if entry.name not in entries:
                 raise ValueError(f"gains.{entry.name} is missing.")
@@ -103,7 +107,24 @@ class Gains(ABC):
     def to_document(self) -> NewEntries:
         """Entries of a design file, without those that the design does not have."""
         entries = {entry.name: getattr(self, entry.name) for entry in dataclasses.fields(self)}
-        return {name: value for name, value in entries.items() if value is not None}
+        stated = {name: value for name, value in entries.items() if value is not None}
+        blocks_of = [entry.name for entry in dataclasses.fields(self) if "blocks" in entry.metadata]
+        for name in blocks_of:
+            listed = [block.to_document() for block in stated.pop(name)]
+            stated |= {name: listed} if listed else {}
+        return stated
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gains(Stored, ABC):
+    """Entries of every kind, with checks and the forms of a design file.
+
+    A (n, n), C (p, n); noise_centre (p,): middle of the bounds of the noise, None where it is zero.
+    """
+
+    A: Array = matrix("n", "n")
+    C: Array = matrix("p", "n")
+    noise_centre: Array | None = matrix("p", optional=True)
 
     @cached_property
     def n(self) -> int:
@@ -197,6 +218,12 @@ def _checked(entry: Field[Value], value: Value, sizes: dict[str, int]) -> Value:
         if value not in metadata["words"]:
             raise ValueError(f"{name} must be one of {', '.join(metadata['words'])}.")
         return value
+    if "text" in metadata:
+        if not isinstance(value, str):
+            raise ValueError(f"{name} must be a text.")
+        return value
+    if "blocks" in metadata:
+        return _checked_blocks(name, metadata["blocks"], value)
     if "flag" in metadata:
         if not isinstance(value, bool | np.bool_):
             raise ValueError(f"{name} must be true or false.")
@@ -206,6 +233,18 @@ def _checked(entry: Field[Value], value: Value, sizes: dict[str, int]) -> Value:
             raise ValueError(f"{name} must be a whole number >= 1; got {value!r}.")
         return int(value)
     return _sized(name, metadata["shape"], value, sizes)
+
+
+def _checked_blocks(name: str, kind: type[Stored], value: Value) -> tuple[Stored, ...]:
+    """The blocks of an entry, each of that kind or its form in a design file."""
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{name} must be a list of tables.")
+    made = []
+    for i, entries in enumerate(value):
+        if not isinstance(entries, kind | Mapping):
+            raise ValueError(f"{name}[{i}] must be a table.")
+        made.append(kind.from_document(entries) if isinstance(entries, Mapping) else entries)
+    return tuple(made)
 
 
 def _sized(name: str, shape: _Shape, value: Value, sizes: dict[str, int]) -> Array | float:
@@ -235,9 +274,8 @@ def plant_data(plant: Plant) -> NewEntries:
     What it does not state is left out: the entries of the jump where there is none, and a dwell
     time that may be any.
     """
-    flow, jump, output = plant.flow, plant.jump, plant.output
-    data: NewEntries = {"A": flow.A, "C": output.C, "B": flow.B}
-    data |= dict(zip(("flow_lower", "flow_upper"), flow.b_bounds, strict=True))
+    jump, output = plant.jump, plant.output
+    data = flow_data(plant) | {"C": output.C}
     if jump is not None:
         data |= {"G": jump.G, "E": jump.E}
         data |= dict(zip(("jump_lower", "jump_upper"), jump.c_bounds, strict=True))
@@ -248,3 +286,11 @@ def plant_data(plant: Plant) -> NewEntries:
         data |= {"noise_bound": output.noise_radius, "noise_centre": output.noise_centre}
     data |= {"jump_measurement": output.jump_measurement}
     return {name: value for name, value in data.items() if value is not None}
+
+
+def flow_data(plant: Plant) -> NewEntries:
+    """The numbers of the flow among them, B where there is one."""
+    flow = plant.flow
+    lower, upper = flow.b_bounds
+    data: NewEntries = {"A": flow.A} | ({} if flow.B is None else {"B": flow.B})
+    return data | {"flow_lower": lower, "flow_upper": upper}

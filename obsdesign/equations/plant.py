@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from lmi.arithmetic.arrays import Matrix
@@ -43,6 +44,10 @@ class Jump(Disturbed, Protocol):
     """Numbers of x+ = G x + E w + H g + c."""
 
     @property
+    def name(self) -> str:
+        """Name of the event."""
+
+    @property
     def G(self) -> Matrix:
         """(n, n)."""
 
@@ -69,6 +74,18 @@ class Jump(Disturbed, Protocol):
 
 class Output(Protocol):
     """Numbers of y = C x + v."""
+
+    @property
+    def name(self) -> str:
+        """Name of the sensor."""
+
+    @property
+    def gap(self) -> float:
+        """Longest time between two samples, maybe infinite."""
+
+    @property
+    def event(self) -> str | None:
+        """Name of the event at which alone it is read, None for a clock of its own."""
 
     @property
     def C(self) -> Matrix:
@@ -108,7 +125,23 @@ class Output(Protocol):
 
 
 class Plant(Protocol):
-    """A flow, jumps if it has any, and an output."""
+    """A flow, its events if it has any, and its sensors."""
+
+    @property
+    def events(self) -> Sequence[Jump]:
+        """All named jumps."""
+
+    @property
+    def sensors(self) -> Sequence[Output]:
+        """All sensors."""
+
+    @property
+    def outputs(self) -> Output:
+        """Outputs of all sensors together."""
+
+    @property
+    def has_one_clock(self) -> bool:
+        """Are `jump` and `output` all that there is?"""
 
     @property
     def flow(self) -> Flow:
@@ -116,8 +149,8 @@ class Plant(Protocol):
 
     @property
     def jump(self) -> Jump | None:
-        """None without jumps."""
+        """The one event, None without any; an error where there are several."""
 
     @property
     def output(self) -> Output:
-        """What is measured."""
+        """The one sensor; an error where there are several."""

@@ -89,7 +89,7 @@ def _stated(design: Design, path: str) -> Design:
 def _ambiguous_columns(design: Design, data: str | None) -> list[str]:
     """Columns of bounds whose meaning depends on the kind, for a plant with disturbance_matrix."""
     plant = Problem.from_dict(design.problem).plant
-    blocks = {"b": plant.flow, "c": plant.jump}
+    blocks = {"b": plant.flow, "c": plant.events[0] if len(plant.events) == 1 else None}
     letters = [x for x, block in blocks.items() if block and block.disturbance_matrix is not None]
     titles = [] if data is None or not letters else list(read_columns(data))
     return [title for title in titles if re.fullmatch(rf"[{''.join(letters)}]\d+_(lo|hi)", title)]
@@ -127,7 +127,7 @@ def estimate_of(
         other = None if beside is None else _other_estimate(beside, folder, source, initial)
         _draw(design, estimates, source, picture, other)
         svg = Path(picture).read_text("utf-8")
-        measured = ComparisonRecord.from_file(source, Problem.from_dict(design.problem).plant)
+        measured = ComparisonRecord.from_file(source, Problem.from_dict(design.problem))
         designs = (design,) if beside is None else (design, beside)
         rows = _rows_with_kalman(designs, measured, initial)
         bounds = _bounds(design, measured, Table.from_file(estimates))
@@ -178,7 +178,7 @@ def _draw(design: Design, estimates: str, source: str, picture: str, other: str 
 
     compared = NOTHING
     if design.kind in GIVING_BOUNDS:
-        compared = Comparison(other, Problem.from_dict(design.problem).plant.output)
+        compared = Comparison(other, Problem.from_dict(design.problem).plant)
     plot_estimate(estimates, source, picture, None, compared)
 
 

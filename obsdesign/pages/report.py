@@ -120,6 +120,11 @@ def _rows(value: Value) -> list[list[str]]:
 def _plant_words(problem: Problem) -> str:
     plant = problem.plant
     words = [f"{plant.n} states", f"{plant.p} output{'s' * (plant.p > 1)}"]
+    if problem.has_tables:
+        for what, listed in (("event", plant.events), ("sensor", plant.sensors)):
+            names = ", ".join(one.name for one in listed)
+            words += [f"{len(listed)} {what}{'s' * (len(listed) > 1)} ({names})"] if names else []
+        return ", ".join(words)
     if plant.jump is not None and plant.jump.dwell_time is not None:
         low, high = plant.jump.dwell_time
         words.append(f"dwell times [{low:g}, {high:g}]".replace("inf]", "inf)"))

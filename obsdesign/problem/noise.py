@@ -9,25 +9,26 @@ from obsdesign.entries import is_number, matrix, real, require_shape, shown, siz
 from obsdesign.errors import InputError
 
 
-def noise_numbers(values: Value, C: Matrix, name: str) -> Matrix:
+def noise_numbers(values: Value, C: Matrix, entry: str) -> Matrix:
     """Numbers >= 0, (p,), from a list with one per row of C (p, n) or from one for all.
 
-    name: of the entry of the output, for InputError.
+    entry: its name, as output.noise_std, for InputError.
     """
-    entry = f"output.{name}"
     noise = vector([real(values, entry)] * len(C) if np.ndim(values) == 0 else values, entry)
-    require_shape(noise, entry, (len(C),), f"one per row of output.C ({size_text(C)})")
+    require_shape(
+        noise, entry, (len(C),), f"one per row of {entry.rpartition('.')[0]}.C ({size_text(C)})"
+    )
     for i in np.flatnonzero(noise < 0):
         raise InputError(f"{entry} must be >= 0; got {noise[i]:g} for output {i + 1}.")
     return noise
 
 
-def noise_pairs(values: Value, C: Matrix) -> Matrix | None:
+def noise_pairs(values: Value, C: Matrix, output: str) -> Matrix | None:
     """Pairs [lower, upper], (p, 2), where at least one bound of the noise is a pair; else None.
 
-    InputError for pairs that are none, or whose ends are swapped.
+    output: what messages call the block. InputError for pairs that are none, or swapped ends.
     """
-    entry = "output.noise_bound"
+    entry = f"{output}.noise_bound"
     listed = values if isinstance(values, list | tuple | np.ndarray) else []
     if not any(isinstance(item, list | tuple | np.ndarray) for item in listed):
         if len(listed) == 2 and all(map(is_number, listed)) and listed[0] < 0 <= listed[1]:
@@ -42,7 +43,7 @@ def noise_pairs(values: Value, C: Matrix) -> Matrix | None:
                 f"{entry} must hold numbers or pairs [lower, upper]; got {shown(item)}."
             )
     pairs = matrix([[-item, item] if is_number(item) else item for item in listed], entry)
-    require_shape(pairs, entry, (len(C), 2), f"one pair per row of output.C ({size_text(C)})")
+    require_shape(pairs, entry, (len(C), 2), f"one pair per row of {output}.C ({size_text(C)})")
     for i in np.flatnonzero(pairs[:, 0] > pairs[:, 1]):
         raise InputError(
             f"{entry}: lower must not exceed upper; got lower {pairs[i, 0]:g} > upper "

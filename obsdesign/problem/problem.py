@@ -6,30 +6,30 @@ one line (`obsdesign.errors.InputError`).
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from types import MappingProxyType
 from typing import TypeVar
 
-import numpy as np
-
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.document import jsonable
+from obsdesign.entries import missing_entry
 from obsdesign.errors import DoesNotApply, InputError, naming
 from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
+from obsdesign.problem.clocks import Event, Sensor, check_clocks
 from obsdesign.problem.file import read_problem_file
 from obsdesign.problem.options_base import Options
+from obsdesign.problem.plain import as_block, entries_of
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.problem.schema_errors import check_structure
 
 Blocks = Entries
 _Options = TypeVar("_Options", bound=Options)
 
-_KEYS = ("name", "flow", "jump", "output", "observer")
+_KEYS = ("name", "flow", "jump", "output", "event", "sensor", "observer")
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -37,9 +37,10 @@ class Problem:
     """A plant, an observer kind (None: not chosen), gains that are kept, options. Read-only.
 
     Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file
-    (docs/problem_file.md); arrays may be numpy arrays. gains: by name, in the shapes of the kind
-    (L (n, p), M (n, p), ...). InputError for anything a problem file may not hold; one line, which
-    entry, what was required, what arrived.
+    (docs/problem_file.md); arrays may be numpy arrays. event, sensor: lists of blocks, in place of
+    jump and output where there are several, or they have clocks of their own. gains: by name, in
+    the shapes of the kind (L (n, p), M (n, p), ...). InputError for anything a problem file may not
+    hold; one line, which entry, what was required, what arrived.
     """
 
     name: str
@@ -51,19 +52,24 @@ class Problem:
     def __init__(
         self,
         flow: Flow | Blocks,
-        output: Output | Blocks,
+        output: Output | Blocks | None = None,
         jump: Jump | Blocks | None = None,
         observer: Blocks | None = None,
         name: str = "plant",
+        *,
+        event: Sequence[Event | Blocks] | None = None,
+        sensor: Sequence[Sensor | Blocks] | None = None,
     ) -> None:
-        plain: NewEntries = {"name": name, "flow": flow, "output": output}
-        plain |= {} if jump is None else {"jump": jump}
-        plain |= {} if observer is None else {"observer": observer}
-        body: NewEntries = {key: _as_block(value) for key, value in plain.items()}
+        plain: NewEntries = {"name": name, "flow": flow, "output": output, "jump": jump}
+        plain |= {"event": event, "sensor": sensor, "observer": observer}
+        body: NewEntries = {
+            key: as_block(value)
+            for key, value in plain.items()
+            if value is not None or key in ("name", "flow")
+        }
         check_structure(body)
         _check_name(body["name"])
-        made_jump = Jump(**_entries(body["jump"])) if "jump" in body else None
-        plant = Plant(Flow(**_entries(body["flow"])), made_jump, Output(**body["output"]))
+        plant = _plant(body)
         block = dict(body.get("observer", {}))
         kind = block.pop("kind", None)
         gains = observer_options.gains(block.pop("gains", {}), kind, plant)
@@ -84,8 +90,8 @@ class Problem:
     @staticmethod
     def from_dict(body: Value) -> Problem:
         """A problem from parsed TOML or JSON."""
-        body = _as_block(body)
-        if not isinstance(body, dict) or not {"flow", "output"} <= set(body) <= set(_KEYS):
+        body = as_block(body)
+        if not isinstance(body, dict) or not {"flow"} <= set(body) <= set(_KEYS):
             check_structure(body)  # says what is wrong with the top level
         return Problem(**body)
 
@@ -95,15 +101,24 @@ class Problem:
         A noise bound that is absent stays absent: no kind may take it for zero.
         """
         plant = self.plant
-        blocks = {"flow": plant.flow, "jump": plant.jump, "output": plant.output}
+        blocks: NewEntries = {"flow": plant.flow}
+        if self.has_tables:
+            blocks |= {"event": plant.events or None, "sensor": plant.sensors}
+        else:
+            blocks |= {"jump": plant.jump, "output": plant.output}
         body: NewEntries = {"name": self.name}
-        body |= {name: _as_block(block) for name, block in blocks.items() if block is not None}
+        body |= {name: as_block(block) for name, block in blocks.items() if block is not None}
         observer = {} if self.kind is None else {"kind": self.kind}
         stated = self.options.to_document()
         if observer or self.gains or stated:
             body["observer"] = observer | {"gains": dict(self.gains)} | stated
         result: NewEntries = jsonable(body)
         return result
+
+    @property
+    def has_tables(self) -> bool:
+        """Is the plant of [[event]] and [[sensor]], and not of [jump] and [output]?"""
+        return isinstance(self.plant.sensors[0], Sensor)
 
     def options_as(self, kind_options: type[_Options]) -> _Options:
         """The options as those of one kind; TypeError where the problem is of another."""
@@ -135,8 +150,8 @@ class Problem:
         if measured in fitting:
             return None
         return (
-            f"output.measured must be {' or '.join(fitting)} for kind {self.kind!r}; "
-            f"got {measured!r}."
+            f"{self.plant.stated('output.measured')} must be {' or '.join(fitting)} for kind "
+            f"{self.kind!r}; got {measured!r}."
         )
 
     def require(self, entry: str, needed_by: str = "") -> Value:
@@ -152,9 +167,22 @@ class Problem:
 
     def require_noise_bound(self, needed_by: str = "") -> Matrix:
         """Half-widths of the bounds of the noise, (p,), or DoesNotApply where it has none."""
-        self.require("output.noise_bound", needed_by)
-        radius: Matrix = self.require("output.noise_radius")
+        if reason := self.reason_without_noise_bound(needed_by):
+            raise DoesNotApply(reason, "output.noise_bound")
+        radius = self.plant.outputs.noise_radius
+        assert radius is not None
         return radius
+
+    def reason_without_noise_bound(self, needed_by: str = "") -> str | None:
+        """Reason against a problem without bounds of the noise of every sensor, or None."""
+        needed_by = needed_by or f"kind {self.kind!r}"
+        for sensor in self.plant.sensors:
+            if sensor.noise_bound is None:
+                zeros = ", ".join(["0.0"] * len(sensor.C))
+                hint = f" If y is free of noise, write noise_bound = [{zeros}]."
+                needed_by += ", which guarantees bounds"
+                return missing_entry(f"{sensor.entry}.noise_bound", needed_by) + hint
+        return None
 
     def require_measured(self, *fitting: str) -> None:
         """DoesNotApply unless the output is measured in one of these ways."""
@@ -164,7 +192,10 @@ class Problem:
     def with_dwell_time(self, low: float, high: float) -> Problem:
         """The same problem for another range of dwell times."""
         body = self.to_dict()
-        body["jump"]["dwell_time"] = jsonable([low, high])
+        if self.has_tables:
+            body["event"][0]["every"] = jsonable([low, high])
+        else:
+            body["jump"]["dwell_time"] = jsonable([low, high])
         return Problem.from_dict(body)
 
     def for_kind(self, kind: str) -> tuple[Problem, list[str]]:
@@ -195,38 +226,16 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
         return Problem.from_dict(body), dropped
 
 
-def _as_block(value: Value) -> Value:
-    """Dataclasses and arrays as the plain dicts and lists of a file."""
-    if isinstance(value, Flow | Jump | Output):
-        names = [name for name in value.__dataclass_fields__ if getattr(value, name) is not None]
-        block = {name: _as_block(getattr(value, name)) for name in names}
-        ends = {name: block.pop(name) for name in ("lower", "upper") if name in block}
-        return block | ({"disturbance": ends} if ends else {})
-    if isinstance(value, Mapping):
-        return {key: _as_block(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _as_block(value.tolist())
-    if isinstance(value, complex):
-        return [value.real, value.imag]  # a pole
-    if isinstance(value, list | tuple):
-        return [_as_block(item) for item in value]
-    return value
-
-
-def _entries(block: Blocks) -> NewEntries:
-    """Fields of a flow or jump: its bounds beside the others, "inf" as a number."""
-    entries = dict(block)
-    entries |= entries.pop("disturbance", {})
-    for name in ("dwell_time", "dwell_jitter"):
-        if name in entries:
-            entries[name] = _infinite(entries[name])
-    return entries
-
-
-def _infinite(value: Value) -> Value:
-    if isinstance(value, list):
-        return [_infinite(item) for item in value]
-    return math.inf if value == "inf" else value
+def _plant(body: Entries) -> Plant:
+    """The plant of a problem as plain dicts and lists."""
+    flow = Flow(**entries_of(body["flow"]))
+    if "sensor" not in body:
+        jump = Jump(**entries_of(body["jump"])) if "jump" in body else None
+        return Plant(flow, jump, Output(**body["output"]))
+    events = [Event(**entries_of(block)) for block in body.get("event", ())]
+    sensors = [Sensor(**entries_of(block)) for block in body["sensor"]]
+    check_clocks(events, sensors)
+    return Plant(flow, events, sensors)
 
 
 def _check_name(name: str) -> None:

@@ -85,12 +85,19 @@ DWELL_RANGE: Fragment = {
     "minItems": 2,
 }
 
+_EVERY: tuple[Fragment, ...] = ({"type": "number", "exclusiveMinimum": 0}, DWELL_RANGE)
+
 # what several entries share
 DEFINITIONS: Mapping[str, Fragment] = {
     "number": NUMBER,
     "upper_end": {
         "anyOf": [{"type": "number"}, {"const": "inf"}],
         "title": 'a number or inf (the string "inf" in JSON)',
+    },
+    "every": {"anyOf": [*_EVERY], "title": "a positive number or a pair [shortest, longest]"},
+    "sensor_every": {
+        "anyOf": [*_EVERY, {"const": "continuous"}],
+        "title": 'a positive number, a pair [shortest, longest] or "continuous"',
     },
     "vector": list_of(ref("number"), "a list of numbers"),
     "per_output": {

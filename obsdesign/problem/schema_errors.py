@@ -14,8 +14,14 @@ from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS
 from obsdesign.problem.option_table import OPTIONS, owners
 
+# blocks of one jump and one output, and lists of named ones, which are not mixed
+_PLAIN, _LISTED = ("jump", "output"), ("event", "sensor")
+# keys of [jump] and [output], and what says the same of a named one
+_OF_CLOCKS = {
+    "dwell_time": "every", "measured": "every", "period": "every", "jump_measurement": "sees",
+}  # fmt: skip
 # which violation is reported when there are several: names before values
-_FIRST = ("propertyNames", "additionalProperties", "required")
+_FIRST = ("not", "propertyNames", "additionalProperties", "required")
 
 
 def check_structure(body: Value) -> None:
@@ -55,7 +61,7 @@ def _rank(error: Value) -> tuple[int, int, list[str]]:
 
 
 def _sentence(error: Value, body: Value, schema: Value) -> str:
-    path = list(error.absolute_path)
+    path = _named(list(error.absolute_path), body)
     is_of_name = "propertyNames" in error.absolute_schema_path
     if error.validator in ("propertyNames", "enum") and is_of_name:
         return _unknown(error.instance, path, _names(), body, schema)
@@ -63,10 +69,30 @@ def _sentence(error: Value, body: Value, schema: Value) -> str:
         known = list(error.schema.get("properties", {}))
         name = next(key for key in error.instance if key not in known)
         return _unknown(name, path, known, body, schema)
+    if error.validator == "not":  # a block beside those it may not be mixed with
+        return _mixed(path[0], body)
     if error.validator == "required":
         name = next(key for key in error.validator_value if key not in error.instance)
         return f"{_entry([*path, name])} is required; it is missing."
     return _value(error, path, body)
+
+
+def _named(path: list[Value], body: Value) -> list[Value]:
+    """The path with the name of an event or a sensor for its place in the list."""
+    if len(path) < 2 or path[0] not in _LISTED:
+        return path
+    table = body[path[0]][path[1]]
+    name = table.get("name") if isinstance(table, dict) else None
+    return [f"{path[0]}.{name if isinstance(name, str) else path[1] + 1}", *path[2:]]
+
+
+def _mixed(block: Value, body: Value) -> str:
+    table = "sensor" if "sensor" in body else "event"
+    other = {"jump": "event", "output": "sensor"}[block]
+    return (
+        f"[{block}] may not be mixed with [[{table}]]; write it as [[{other}]] with a name of its "
+        "own."
+    )
 
 
 def _names() -> list[str]:
@@ -90,18 +116,23 @@ def _unknown(key: Value, path: list[Value], known: list[str], body: Value, schem
                 f"observer.gains.{name} is a gain of kind {' and '.join(map(repr, kinds))}, "
                 f"not of {kind!r}."
             )
-    if home := _home(name, schema):
+    if home := _home(name, schema, body):
         return f"unknown key {name!r}{where}: it belongs in [{home}]."
+    if path and str(path[0]).startswith(("event.", "sensor.")) and name in _OF_CLOCKS:
+        return f"unknown key {name!r}{where}: it is {_OF_CLOCKS[name]!r} there."
     near = _nearest(name, known)
     if near:
         return f"unknown key {name!r}{where}: did you mean {' or '.join(map(repr, near))}?"
     return f"unknown key {name!r}{where}: this kind has none here."
 
 
-def _home(name: str, schema: Value) -> str | None:
+def _home(name: str, schema: Value, body: Value) -> str | None:
     """The only block that knows this name; None where none or several do."""
+    has_tables = any(title in body for title in _LISTED)
     blocks = {
-        title: list(block.get("properties", {})) for title, block in schema["properties"].items()
+        title: list(block.get("items", block).get("properties", {}))
+        for title, block in schema["properties"].items()
+        if title not in (_PLAIN if has_tables else _LISTED)
     }
     observer = schema["properties"]["observer"]["properties"]
     blocks |= {"observer": _names(), "observer.gains": list(observer["gains"]["properties"])}

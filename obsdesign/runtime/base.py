@@ -32,7 +32,8 @@ class Sample(NamedTuple):
     y (p,): measurements, None for a missing sample; u (m,): known input from t on (None keeps the
     last one, zero at first); w (l,): known jump input; jump: a jump happens at t, after the
     measurement (or before it, as the plant's `jump_measurement` has it). bounds: of b from t to the
-    next row, of c at this jump, of v in this y; used by kinds with `declared_bounds` alone.
+    next row, of c at this jump, of v in this y; used by kinds with `declared_bounds` alone. events:
+    of several, the places of those that happen; y, w are of all sensors and events, NaN without.
     """
 
     t: float
@@ -41,6 +42,7 @@ class Sample(NamedTuple):
     w: ArrayLike | None = None
     jump: bool = False
     bounds: Bounds | None = None
+    events: tuple[int, ...] = ()
 
 
 class Estimate(NamedTuple):
@@ -204,11 +206,15 @@ def instant(t: float) -> float:
     return now
 
 
-def later(sample_t: float, t: float, started: bool) -> float:
-    """The sample's time; ValueError unless it is finite and after t (at t, for the first one)."""
+def later(sample_t: float, t: float, started: bool, *, may_repeat: bool = False) -> float:
+    """The sample's time; ValueError unless it is finite and after t (at t, for the first one).
+
+    may_repeat: rows may share a time.
+    """
     now = instant(sample_t)
-    if not (now > t or (now == t and not started)):
-        raise ValueError(f"time must increase; got {now!r} after {t!r}.")
+    if not (now > t or (now == t and (may_repeat or not started))):
+        must = "not decrease" if may_repeat else "increase"
+        raise ValueError(f"time must {must}; got {now!r} after {t!r}.")
     return now
 
 
@@ -288,5 +294,5 @@ def samples_of(record: Columns) -> Iterator[Sample]:
     absent = [None] * len(record.t)
     y, u, w = (absent if block is None else block for block in (record.y, record.u, record.w))
     bounds = absent if record.bounds is None else record.bounds
-    for row in zip(record.t.tolist(), y, u, w, record.jump.tolist(), bounds, strict=True):
+    for row in zip(record.t.tolist(), y, u, w, record.happens, bounds, record.events, strict=True):
         yield Sample(*row)

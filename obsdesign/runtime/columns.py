@@ -24,6 +24,7 @@ Event = Any
 class Columns:
     """t (rows,); y, u, w (rows, ...), None where a record has none; jump (rows,).
 
+    jump (rows, events) where the plant has several events.
     NaN in y marks a missing sample. bounds: those of each row, None where it has none.
     """
 
@@ -53,6 +54,19 @@ class Columns:
         y, u, w = (_table(values, times) for values in (y, u, w))
         rows = None if bounds is None else tuple(bounds.rows(len(times)))
         return Columns(times, y, u, w, jumps, rows)
+
+    @property
+    def happens(self) -> list[bool]:
+        """Does a jump happen at the row?"""
+        happens: list[bool] = np.atleast_1d(self.jump.reshape(len(self.t), -1).any(axis=1)).tolist()
+        return happens
+
+    @property
+    def events(self) -> list[tuple[int, ...]]:
+        """Places of the events of each row, where the plant has several."""
+        if self.jump.ndim == 1:
+            return [()] * len(self.t)
+        return [tuple(np.flatnonzero(row).tolist()) for row in self.jump]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError, naming
 from obsdesign.kinds import kind_named
 from obsdesign.runtime.base import Observer
+from obsdesign.runtime.stated_plant import plain_blocks
 
 
 class RunnableKind(Protocol):
@@ -72,8 +73,9 @@ _REPEATED_BY_KIND = {"impulsive_input": (("H", "jump", "H"),)}
 
 def _same_plant(design: Design) -> None:
     """InputError when the gains are for another plant than the one the design names."""
+    blocks = plain_blocks(design.problem)
     for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
-        table = design.problem.get(block)
+        table = blocks.get(block)
         stated = table.get(key) if isinstance(table, dict) else None
         if key == "noise_bound":
             stated = _noise_part(stated, name)

@@ -80,7 +80,7 @@ def progress_from_text(text: str, design: Design, observer: Value, path: str) ->
             reader.entry(int, given, "given"),
         )
         _check_ranges(progress)
-        _check_guard(progress.state, observer)
+        _check_guards(progress.state, observer)
         return progress
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: not a state of kind {design.kind!r}: {error}") from None
@@ -127,20 +127,26 @@ def _check_ranges(progress: Progress) -> None:
         latest = row[0]
 
 
-def _check_guard(state: Value, observer: Value) -> None:
-    """Raise TypeError unless a guard of dwell times has the design's limits, and past times."""
-    guard = getattr(state, "guard", None)
-    if guard is None:
-        return
-    own = DwellGuard.from_gains(observer.gains)
-    for name in ("shortest", "longest", "jitter"):
-        limit, stored = getattr(own, name), getattr(guard, name)
-        if stored != limit:
-            raise _wrong(f"state.guard.{name}", f"{limit!r}, that of the design", stored)
-    if guard.last_jump is not None and not -math.inf < guard.last_jump <= state.t:
-        raise _wrong("state.guard.last_jump", f"at most {state.t!r}, state.t", guard.last_jump)
-    if guard.last_dwell is not None and (guard.last_jump is None or not guard.last_dwell > 0):
-        raise _wrong("state.guard.last_dwell", "positive, before last_jump", guard.last_dwell)
+def _check_guards(state: Value, observer: Value) -> None:
+    """Raise TypeError unless guards of dwell times have the design's limits, and past times."""
+    guards: NewEntries = {}
+    own: Sequence[DwellGuard] = ()
+    if (several := getattr(state, "guards", None)) is not None:
+        own = observer.init(lower=[0.0] * observer.n, upper=[0.0] * observer.n).guards
+        guards = {f"state.guards[{k}]": guard for k, guard in enumerate(several)}
+        if len(guards) != len(own):
+            raise _wrong("state.guards", f"{len(own)} of them, one for each event", len(guards))
+    elif (guard := getattr(state, "guard", None)) is not None:
+        own, guards = [DwellGuard.from_gains(observer.gains)], {"state.guard": guard}
+    for (entry, guard), limits in zip(guards.items(), own, strict=True):
+        for name in ("shortest", "longest", "jitter"):
+            limit, stored = getattr(limits, name), getattr(guard, name)
+            if stored != limit:
+                raise _wrong(f"{entry}.{name}", f"{limit!r}, that of the design", stored)
+        if guard.last_jump is not None and not -math.inf < guard.last_jump <= state.t:
+            raise _wrong(f"{entry}.last_jump", f"at most {state.t!r}, state.t", guard.last_jump)
+        if guard.last_dwell is not None and (guard.last_jump is None or not guard.last_dwell > 0):
+            raise _wrong(f"{entry}.last_dwell", "positive, before last_jump", guard.last_dwell)
 
 
 class _Writer:

@@ -129,13 +129,15 @@ def test_impulses_of_unknown_weight_come_unannounced() -> None:
 
 def test_random_dwell_times_obey_range_and_jitter() -> None:
     limited = plant(dwell_time=(0.5, 3.0), dwell_jitter=0.2)
-    spacing = np.diff(jump_times(limited, "random", 500.0, np.random.default_rng(1)))
+    spacing = np.diff(jump_times(limited.events[0], "random", 500.0, np.random.default_rng(1)))
     assert spacing.min() >= 0.5 - 1e-9
     assert spacing.max() <= 3.0 + 1e-9
     assert np.abs(np.diff(spacing)).max() <= 0.2 + 1e-9
     assert spacing.max() - spacing.min() > 1.0  # it does wander
     free = np.diff(
-        jump_times(plant(dwell_time=(0.5, math.inf)), "random", 500.0, np.random.default_rng(1))
+        jump_times(
+            plant(dwell_time=(0.5, math.inf)).events[0], "random", 500.0, np.random.default_rng(1)
+        )
     )
     assert free.min() >= 0.5
 
@@ -204,7 +206,7 @@ def test_a_record_has_the_columns_that_observers_read_and_the_truth() -> None:
     jumps = plant(E=np.ones((2, 2)))
     for given in (jumps, Plant(jumps.flow, None, jumps.output)):
         columns = tuple(simulate(given, until=3.0, step=0.1).columns)
-        read = Layout.from_reads(PlantGains.from_plant(given).columns).columns
+        read = Layout.from_reads(PlantGains.from_plant(given).columns).columns()
         assert columns == (*read, *numbered("x", 2))
         assert ("jump" in read, "w2" in read) == (given is jumps, given is jumps)
 

@@ -12,6 +12,7 @@ import numpy as np
 
 import obsdesign
 from obsdesign.data.simulation import Simulation, simulate
+from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates", "samples")
@@ -70,7 +71,7 @@ def _disturbances(plant: Any, corners: int, rng: Any) -> Iterator[tuple[Any, str
         flow, jump = (_at_corner(block, np.array(signs[k])) for block in (plant.flow, plant.jump))
         if rng.random() < 0.5:  # at jumps the same corner, or any
             jump = _at_corner(plant.jump, rng.integers(0, 2, plant.n))
-        yield replace(plant, flow=flow, jump=jump), "zero", rng
+        yield Plant(flow, jump, plant.output), "zero", rng
     for _ in range(max(corners // 8, 1)):
         yield plant, "random", Corners(rng)
     yield plant, "random", rng

@@ -17,7 +17,7 @@ from obsdesign.problem.problem import Problem
 
 def reason_against(problem: Problem) -> str | None:
     """Reason for which no bounds can be given for the problem; None if they can."""
-    if reason := problem.reason_without("output.noise_bound"):
+    if reason := problem.reason_without_noise_bound():
         return reason
     return reason_against_unbounded(problem.plant, "set_membership") or _against_window(problem)
 
@@ -44,15 +44,14 @@ def shortest_window(plant: Plant) -> int:
 
 
 def sampled_matrix(plant: Plant) -> Array:
-    """C, zero where no sample is ever taken."""
-    output = plant.output
-    is_blind = output.measured == "at_jumps" and plant.jump is None
-    return np.zeros_like(output.C) if is_blind else output.C
+    """C of all sensors, zero where no sample is ever taken."""
+    is_blind = plant.sensors[0].measured == "at_jumps" and not plant.events
+    return np.zeros_like(plant.outputs.C) if is_blind else plant.outputs.C
 
 
 def unobservable_part(plant: Plant) -> HiddenPart | None:
     """The part of the state that no sample sees along flow and jumps, exact; None if zero."""
-    maps = [plant.flow.A] if plant.jump is None else [plant.flow.A, plant.jump.G]
+    maps = [plant.flow.A, *(event.G for event in plant.events)]
     return hidden_part(maps, sampled_matrix(plant))
 
 

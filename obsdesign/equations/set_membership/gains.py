@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, NewEntries, Value
-from obsdesign.equations.gains import PlantGains, count, matrix, number, word
-from obsdesign.equations.plant import Plant
+from obsdesign.equations.clocks import EventGains, SensorGains
+from obsdesign.equations.gains import (
+    PlantGains,
+    blocks,
+    count,
+    flow_data,
+    matrix,
+    number,
+    plant_data,
+    word,
+)
+from obsdesign.equations.plant import Disturbed, Plant
 
 MEASURED = ("continuous", "periodic", "at_jumps")
+IRREGULAR = "irregular"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,6 +36,9 @@ class SetMembershipGains(PlantGains):
     when a sample is due. disturbance_matrix (n, k): b = Bw w, with w in [disturbance_lower,
     disturbance_upper], (k,), None where the box is b's own; likewise jump_disturbance_matrix.
 
+    events, sensors: those of a plant with several clocks, which has no other entries of a jump; its
+    outputs are those of all sensors, one above the other, and measured is "irregular".
+
     multipliers (phases, n, window, p): of upper bounds of x_1 ... x_n for a full window of the
     nominal pattern, oldest stage first; those of lower bounds are their negatives. They are sound
     for every record, and tight where the stages of the window are those of the pattern.
@@ -34,7 +49,9 @@ class SetMembershipGains(PlantGains):
     steps: int = count()
     fixed_lag: int | None = count(optional=True)
     directions: Array | None = matrix("r", "n", optional=True)
-    measured: str = word(*MEASURED)
+    events: tuple[EventGains, ...] = blocks(EventGains)
+    sensors: tuple[SensorGains, ...] = blocks(SensorGains)
+    measured: str = word(*MEASURED, IRREGULAR)
     period: float | None = number(optional=True)
     disturbance_matrix: Array | None = matrix("n", "k", optional=True)
     disturbance_lower: Array | None = matrix("k", optional=True)
@@ -52,6 +69,10 @@ class SetMembershipGains(PlantGains):
             if any(stated) and not all(stated):
                 missing = names[stated.index(False)]
                 raise ValueError(f"gains.{missing} is required with the other two; it is missing.")
+        if any(len(event.G) != self.n for event in self.events):
+            raise ValueError("gains.events must have one row per state.")
+        if self.sensors and sum(sensor.outputs for sensor in self.sensors) != self.p:
+            raise ValueError("gains.sensors must have all outputs between them.")
         if self.multipliers is not None and self.multipliers.shape[2] != self.window:
             raise ValueError(
                 f"gains.multipliers must have one entry for each of the {self.window} stages of "
@@ -61,7 +82,7 @@ class SetMembershipGains(PlantGains):
     @classmethod
     def from_plant(cls, plant: Plant, **gains: Value) -> Self:
         """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
-        return super().from_plant(plant, **plant_entries(plant), **gains)
+        return cls(**plant_entries(plant), **gains)
 
     @property
     def flow_disturbance(self) -> tuple[Array, Array, Array]:
@@ -70,6 +91,28 @@ class SetMembershipGains(PlantGains):
             return np.eye(self.n), self.flow_lower, self.flow_upper
         lower, upper = self.disturbance_lower, self.disturbance_upper
         return self.disturbance_matrix, _present(lower), _present(upper)
+
+    @property
+    def columns(self) -> dict[str, int | bool]:
+        """Numbers of y, u and w in a sample, w of all events, and whether jumps are reported."""
+        if not self.sensors:
+            return super().columns
+        w = sum(event.inputs for event in self.events)
+        return {"y": self.p, "u": self.m, "w": w, "jump": bool(self.events)}
+
+    @cached_property
+    def every_event(self) -> tuple[EventGains, ...]:
+        """All events; the jump of a plant with one clock is one."""
+        if self.G is None:
+            return self.events
+        matrix, lower, upper = self.jump_disturbance
+        return (
+            EventGains(
+                name="jump", G=self.G, E=self.E, lower=lower, upper=upper,
+                disturbance_matrix=None if self.jump_disturbance_matrix is None else matrix,
+                dwell_time=self.dwell_time,
+            ),
+        )  # fmt: skip
 
     @property
     def jump_disturbance(self) -> tuple[Array, Array, Array]:
@@ -89,15 +132,34 @@ def _present(values: Array | None) -> Array:
 
 
 def plant_entries(plant: Plant) -> NewEntries:
-    """The plant's numbers that this kind stores besides `obsdesign.equations.gains.plant_data`."""
-    entries: NewEntries = {"measured": plant.output.measured}
+    """The plant's numbers that this kind stores."""
+    entries = plant_data(plant) if plant.has_one_clock else _clocks(plant)
+    if plant.flow.disturbance_matrix is not None:
+        entries |= _bounded("", plant.flow)
+    if not plant.has_one_clock:
+        return entries
     if plant.output.period is not None:
         entries["period"] = plant.output.period
-    for prefix, block in (("", plant.flow), ("jump_", plant.jump)):
-        if block is not None and block.disturbance_matrix is not None:
-            entries |= {
-                f"{prefix}disturbance_matrix": block.disturbance_matrix,
-                f"{prefix}disturbance_lower": block.lower,
-                f"{prefix}disturbance_upper": block.upper,
-            }
-    return entries
+    if plant.jump is not None and plant.jump.disturbance_matrix is not None:
+        entries |= _bounded("jump_", plant.jump)
+    return entries | {"measured": plant.output.measured}
+
+
+def _bounded(prefix: str, block: Disturbed) -> NewEntries:
+    return {
+        f"{prefix}disturbance_matrix": block.disturbance_matrix,
+        f"{prefix}disturbance_lower": block.lower,
+        f"{prefix}disturbance_upper": block.upper,
+    }
+
+
+def _clocks(plant: Plant) -> NewEntries:
+    """The numbers of a plant with several clocks."""
+    outputs = plant.outputs
+    events = [EventGains.from_event(event).to_document() for event in plant.events]
+    sensors = [SensorGains.from_sensor(sensor).to_document() for sensor in plant.sensors]
+    data: NewEntries = flow_data(plant) | {"C": outputs.C, "measured": IRREGULAR}
+    data |= {"sensors": sensors} | ({"events": events} if events else {})
+    data |= {"noise_bound": outputs.noise_radius, "noise_centre": outputs.noise_centre}
+    data |= {"jump_measurement": "before"}
+    return {name: value for name, value in data.items() if value is not None}

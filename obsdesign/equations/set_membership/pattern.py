@@ -68,6 +68,8 @@ class Pattern:
 
 def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:
     """The pattern of a design, or the reason for which there is none."""
+    if gains.sensors:
+        return "events and sensors keep times of their own, and no pattern of rows repeats itself"
     if gains.measured == "continuous":
         return "output.measured is continuous: the spacing of the samples is not stated"
     when = gains.jump_measurement

@@ -16,11 +16,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from lmi.arithmetic.arrays import Array, Entries, Matrix
+from obsdesign.column_names import JUMP
 from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths, with_gaps
 from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
 from obsdesign.pages.plotting.strips import Strip, strips_of
 from obsdesign.pages.plotting.style import BLACK, BLUE, VERMILION, check_output, picture
-from obsdesign.problem.plant import Output
+from obsdesign.problem.plant import Plant
 
 _STACKED = 4  # with more panels there are two columns of them
 _LABELLED = 12  # impulses whose times fit above their bars
@@ -31,14 +32,21 @@ _SYMBOL: Entries = {"rotation": 0, "ha": "right", "va": "center", "fontsize": 11
 
 @dataclass(frozen=True)
 class Comparison:
-    """What bounds are compared with: another estimate file, and sensor strips of an output."""
+    """What bounds are compared with: another estimate file, and sensor strips of a plant."""
 
     other: str | None = None
-    output: Output | None = None
+    plant: Plant | None = None
 
     def strips(self, data: Table) -> Mapping[str, Strip]:
-        """Sensor strips by state; none without an output or data."""
-        return {} if self.output is None else strips_of(self.output, data)
+        """Sensor strips by state; none without a plant or data."""
+        return {} if self.plant is None else strips_of(self.plant, data)
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """Columns of the plant's events in data; that of jumps without a plant."""
+        if self.plant is None:
+            return (JUMP,)
+        return tuple(title for event in self.plant.events for title in event.columns)
 
 
 NOTHING = Comparison()
@@ -56,7 +64,9 @@ def plot_estimate(
     InputError for files that cannot be read, hold no states, or another kind of picture.
     """
     check_output(output)
-    record = EstimateRecord.from_files(estimate, data, events, compared.other)
+    record = EstimateRecord.from_files(
+        estimate, data, events, compared.other, jumps=compared.events
+    )  # fmt: skip
     strips = compared.strips(record.data)
     if "x1_lo" in record.estimate and not record.has_impulses and compared != NOTHING:
         _plot_with_widths(record, strips, output)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.column_names import JUMP
 from obsdesign.data.records import read_columns
 from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
@@ -92,9 +93,13 @@ class EstimateRecord:
 
     @classmethod
     def from_files(
-        cls, estimate: str, data: str | None, events: str | None, other: str | None = None
-    ) -> EstimateRecord:
-        """InputError where a file cannot be read, or they are not of one plant."""
+        cls, estimate: str, data: str | None, events: str | None, other: str | None = None,
+        *, jumps: Sequence[str] = (JUMP,),
+    ) -> EstimateRecord:  # fmt: skip
+        """InputError where a file cannot be read, or they are not of one plant.
+
+        jumps: columns of the data that say when events happen.
+        """
         estimates, truth = Table.from_file(estimate), Table.from_file(data)
         second = Table.from_file(other)
         t = estimates.numbers("t")
@@ -106,8 +111,12 @@ class EstimateRecord:
             _check_states(estimates, table)
         _check_bounds(estimates, second)
         times = truth.numbers("t") if truth.columns else np.zeros(0)
-        jumps = times[truth.numbers("jump") == 1] if "jump" in truth else np.zeros(0)
-        return cls(estimates, truth, Table.from_file(events), second, t, times, jumps)
+        happens = np.zeros(len(times), bool)
+        for name in jumps:
+            if name in truth:
+                values = truth.numbers(name)
+                happens |= values == 1 if name == JUMP else np.isfinite(values)
+        return cls(estimates, truth, Table.from_file(events), second, t, times, times[happens])
 
     @property
     def has_impulses(self) -> bool:

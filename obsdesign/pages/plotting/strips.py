@@ -9,7 +9,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.pages.plotting.estimate_record import Table
-from obsdesign.problem.plant import Output
+from obsdesign.problem.plant import Plant
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,13 @@ class Strip:
     width: float
 
 
-def strips_of(output: Output, data: Table) -> Mapping[str, Strip]:
+def strips_of(plant: Plant, data: Table) -> Mapping[str, Strip]:
     """Strips by the names of states that an output measures alone; of several the narrowest.
 
     They rest on the declared bounds of the noise. InputError if the data lack an output.
     """
     strips: dict[str, Strip] = {}
+    output, titles = plant.outputs, [x for sensor in plant.sensors for x in sensor.columns]
     radii, centre = output.noise_radius, output.noise_centre
     if radii is None or not data.columns:
         return strips
@@ -37,7 +38,7 @@ def strips_of(output: Output, data: Table) -> Mapping[str, Strip]:
         if len(used) != 1:
             continue
         name, slope = f"x{used[0] + 1}", float(row[used[0]])
-        x, half = (data.numbers(f"y{j + 1}") - middle) / slope, float(radius) / abs(slope)
+        x, half = (data.numbers(titles[j]) - middle) / slope, float(radius) / abs(slope)
         if name not in strips or 2 * half < strips[name].width:
             strips[name] = Strip(t, x - half, x + half, 2 * half)
     return strips

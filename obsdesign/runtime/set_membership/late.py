@@ -12,15 +12,15 @@ from obsdesign.runtime.set_membership.tape import Contradiction, Tape
 
 
 def with_late_strip(
-    bounder: Bounder, tape: Tape, t: float, strip: Matrix
+    bounder: Bounder, tape: Tape, t: float, strip: Matrix, when: str
 ) -> Tape | Contradiction | None:
     """The tape with the strip (2, p) of C z at time t; None where the tape begins later.
 
     A step over t becomes two, with the inputs and bounds of disturbances that it had. At the time
-    of a jump the measurement is that before or after it, as the design says; ValueError where it
-    has none.
+    of a jump the measurement is that before or after it, as `when` says; ValueError where that is
+    "none".
     """
-    stages, when = tape.stages, bounder.gains.jump_measurement
+    stages = tape.stages
     if not stages or t < stages[0].t:
         return None
     if when == "none" and any(stage.jump and stage.t == t for stage in stages):

@@ -12,6 +12,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.units import balance
+from obsdesign.equations.clocks import EventGains
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 
 _SUBNORMAL = 1e-290
@@ -31,20 +32,24 @@ class Disturbance:
 
 
 @dataclass(frozen=True)
-class Model:
-    """Matrices in z; scales (n,): z = scales * x. inputs, jump_inputs: B and E.
+class JumpModel:
+    """z+ = G z + inputs w + c, c from a box: one of the events of a plant. inputs: E."""
 
-    jump: None without jumps, as is G.
-    """
+    G: Matrix
+    inputs: Matrix
+    c: Disturbance
+
+
+@dataclass(frozen=True)
+class Model:
+    """Matrices in z; scales (n,): z = scales * x. inputs: B; jumps: of every event."""
 
     scales: Matrix
     A: Matrix
     C: Matrix
     inputs: Matrix
     flow: Disturbance
-    G: Matrix | None
-    jump_inputs: Matrix
-    jump: Disturbance | None
+    jumps: tuple[JumpModel, ...]
 
     @property
     def n(self) -> int:
@@ -54,29 +59,34 @@ class Model:
     @property
     def width(self) -> int:
         """Number of disturbance columns that every table has room for."""
-        jump = 0 if self.jump is None else len(self.jump.active)
-        return max(len(self.flow.active), jump)
+        return max(len(b.active) for b in (self.flow, *(jump.c for jump in self.jumps)))
 
 
 def observer_model(gains: SetMembershipGains) -> Model:
     """The model of a design."""
-    maps = gains.A if gains.G is None else np.stack([gains.A, gains.G])
-    scales = balance(maps)
+    jumps = [event.G for event in gains.every_event]
+    scales = balance(np.stack([gains.A, *jumps]) if jumps else gains.A)
     model = _scaled(gains, scales)
     return model if _is_exact(gains, model) else _scaled(gains, np.ones(gains.n))
 
 
 def _scaled(gains: SetMembershipGains, scales: Matrix) -> Model:
-    ratio, column = scales[:, None] / scales[None, :], scales[:, None]
-    n, has_jumps = gains.n, gains.G is not None
+    ratio, column, n = scales[:, None] / scales[None, :], scales[:, None], gains.n
     B = np.zeros((n, 0)) if gains.B is None else gains.B
-    E = np.zeros((n, 0)) if gains.E is None else gains.E
     return Model(
         scales=scales, A=gains.A * ratio, C=gains.C / scales, inputs=B * column,
         flow=_disturbance(*gains.flow_disturbance, column),
-        G=None if gains.G is None else gains.G * ratio, jump_inputs=E * column,
-        jump=_disturbance(*gains.jump_disturbance, column) if has_jumps else None,
+        jumps=tuple(
+            JumpModel(
+                event.G * ratio, _inputs(event) * column, _disturbance(*event.disturbance, column)
+            )
+            for event in gains.every_event
+        ),
     )  # fmt: skip
+
+
+def _inputs(event: EventGains) -> Matrix:
+    return np.zeros((len(event.G), 0)) if event.E is None else event.E
 
 
 def _disturbance(matrix: Matrix, lower: Matrix, upper: Matrix, column: Matrix) -> Disturbance:
@@ -95,11 +105,10 @@ def _is_exact(gains: SetMembershipGains, model: Model) -> bool:
     ]  # fmt: skip
     if gains.B is not None:
         pairs.append((model.inputs / column, gains.B))
-    if gains.G is not None and model.G is not None and model.jump is not None:
-        pairs.append((model.G / ratio, gains.G))
-        pairs.append((model.jump.matrix / column, gains.jump_disturbance[0]))
-        if gains.E is not None:
-            pairs.append((model.jump_inputs / column, gains.E))
+    for jump, event in zip(model.jumps, gains.every_event, strict=True):
+        pairs.append((jump.G / ratio, event.G))
+        pairs.append((jump.c.matrix / column, event.disturbance[0]))
+        pairs.append((jump.inputs / column, _inputs(event)))
     return all(np.array_equal(back, own) for back, own in pairs)
 
 

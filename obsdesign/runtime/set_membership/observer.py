@@ -21,9 +21,9 @@ from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
-from obsdesign.runtime.boxes import JUMP, BoundsFault, initial_bounds, midpoint
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
+from obsdesign.runtime.set_membership.clocks import Clocks, Kept
 from obsdesign.runtime.set_membership.late import with_late_strip
 from obsdesign.runtime.set_membership.model import (
     Disturbance,
@@ -32,7 +32,6 @@ from obsdesign.runtime.set_membership.model import (
     rescaled,
     unscaled,
 )
-from obsdesign.runtime.set_membership.sample_checks import objections_to_sample
 from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
@@ -73,16 +72,19 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         """Bounds of b (or w of b = Bw w), c and v that those of a row must not exceed."""
         model = self._model
         b = DeclaredBox("b", model.flow.lower, model.flow.upper)
-        c = None if model.jump is None else DeclaredBox("c", model.jump.lower, model.jump.upper)
+        # those of a row are of the one jump
+        jumps = [] if self.gains.G is None else model.jumps
+        c = next((DeclaredBox("c", jump.c.lower, jump.c.upper) for jump in jumps), None)
         v = declared_noise(self.gains.noise_bound, self.gains.noise_centre)
         return DeclaredBounds(b, c, v)
 
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> SetMembershipState:
         """State at time t from bounds of x(t); ValueError unless they are finite and in order."""
         now, box, flow = instant(t), self._box(lower, upper), self._model.flow
+        guards, sampled = self._clocks.begin(now)
         return SetMembershipState(
             now, box, box, (), np.zeros(int(self.reads["u"])),
-            np.stack([flow.lower, flow.upper]), DwellGuard.from_gains(self.gains), False, now,
+            np.stack([flow.lower, flow.upper]), guards, False, sampled,
         )  # fmt: skip
 
     def reset(
@@ -103,21 +105,21 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         NaN in y marks an output that is missing. ValueError if time does not increase (the first
         sample may share the initial time).
         """
-        t = later(sample.t, state.t, state.started)
-        y = self._measured(sample.y)
+        t = later(sample.t, state.t, state.started, may_repeat=bool(self.gains.sensors))
+        y, events = self._measured(sample.y), self._clocks.events(sample)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
-            row = self._propagated(state, sample, t, y)
-        guard, late = state.guard.after(t, sample.jump)
-        reasons = [] if row.fault is None else [row.fault]
-        reasons += [late] if late else []
-        reasons += objections_to_sample(self.gains, state, sample, y)
+            row = self._propagated(state, sample, (t, y, events))
+        kept, not_kept = self._clocks.after(
+            Kept(state.guards, state.sampled), t, (y, events), state.started
+        )
+        reasons = [*([] if row.fault is None else [row.fault]), *not_kept]
         following = state._replace(
-            t=t, u=u, held=self._held(sample.bounds or Bounds()), guard=guard, started=True,
-            sampled=state.sampled if y is None else t,
+            t=t, u=u, held=self._held(sample.bounds or Bounds()), guards=kept.guards, started=True,
+            sampled=kept.sampled,
         )  # fmt: skip
-        events = [JUMP] if sample.jump else []
-        return self._concluded(following, row, reasons, events)
+        names = [self.gains.every_event[k].name for k in events]
+        return self._concluded(following, row, reasons, names)
 
     def late(
         self, state: SetMembershipState, t: float, y: ArrayLike
@@ -135,9 +137,12 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         if measured is None:
             raise ValueError("y of a late sample must have a finite entry; got none.")
         tape = Tape(state.start, state.stages, state.box)
-        strip = sampled_strip(measured, *self.declared_bounds.v.completed(None))
+        changed: Tape | Contradiction | None = tape
         with np.errstate(over="ignore", invalid="ignore"):
-            changed = with_late_strip(self._bounder, tape, now, strip)
+            for when, part in self._clocks.parts(measured):
+                if isinstance(changed, Tape):
+                    strip = sampled_strip(part, *self.declared_bounds.v.completed(None))
+                    changed = with_late_strip(self._bounder, changed, now, strip, when)
             if tape.stages:
                 row = self._bounded(tape if changed is None else changed, tape.box, earlier)
             else:  # nothing has come since the tape began
@@ -145,7 +150,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         reasons = [] if row.fault is None else [row.fault]
         if changed is None:
             reasons.append(f"late sample at {now:.9g} is older than the window")
-        state = state._replace(sampled=max(state.sampled, now), recent=earlier)
+        sampled = self._clocks.sampled_at(state.sampled, now, measured)
+        state = state._replace(sampled=sampled, recent=earlier)
         return self._concluded(state, row, reasons, [])
 
     def _concluded(
@@ -176,15 +182,21 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         return np.where(is_finite, values, np.nan) if is_finite.any() else None
 
     def _propagated(
-        self, state: SetMembershipState, sample: Sample, t: float, y: Matrix | None
+        self,
+        state: SetMembershipState,
+        sample: Sample,
+        row: tuple[float, Matrix | None, tuple[int, ...]],
     ) -> _Row:
         """The tape and the bounds after a row, and the contradiction in it, if there is one."""
-        bounder, when = self._bounder, self.gains.jump_measurement
+        bounder, (t, y, events) = self._bounder, row
         tape = Tape(state.start, state.stages, state.box)
-        used = y if not sample.jump or when == "before" else None
+        used = self._clocks.part(y, "before") if events else y
         stages = [self._flow_stage(state, sample, t, used)]
-        if sample.jump:
-            stages.append(self._jump_stage(sample, t, y if when == "after" else None))
+        stages += [self._jump_stage(sample, t, event) for event in events]
+        if events:
+            strip = self._strip(sample, self._clocks.part(y, "after"))
+            stages[-1] = stages[-1]._replace(strip=strip)
+        stages[-1] = stages[-1]._replace(ends_row=True)
         fault, free = None, tape.box
         for stage in stages:
             tape = bounder.predicted(tape, stage)
@@ -220,23 +232,34 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         known, radius = self._disturbed(self._model.flow, state.u, state.held)
         return Stage(
             t, h, size, False, known, known, known, radius, self._strip(sample, y), state.box,
-            not sample.jump,
+            False,
         ).driven(table)  # fmt: skip
 
-    def _jump_stage(self, sample: Sample, t: float, y: Matrix | None) -> Stage:
-        table, c = self._tables.jump, self._model.jump
-        assert c is not None
-        inputs = 0 if self.gains.E is None else self.gains.E.shape[1]
-        w = np.zeros(inputs) if sample.w is None else vector(sample.w, inputs, "w")
-        declared = self.declared_bounds.c
-        assert declared is not None
+    def _jump_stage(self, sample: Sample, t: float, event: int) -> Stage:
+        """The stage of an event, without a measurement after it."""
+        table, jump = self._tables.jumps[event], self._model.jumps[event]
+        w, declared = self._inputs(sample, event), self.declared_bounds.c
         pair = None if sample.bounds is None else sample.bounds.c
-        held = np.stack(declared.completed(pair))
-        known, radius = self._disturbed(c, w, held)
-        strip = self._strip(sample, y)
+        held = np.stack([jump.c.lower, jump.c.upper])
+        if declared is not None:
+            held = np.stack(declared.completed(pair))
+        elif pair is not None:
+            raise ValueError("bounds of c are not used with several events.")
+        known, radius = self._disturbed(jump.c, w, held)
         return Stage(
-            t, 0.0, abs(t), True, known, known, known, radius, strip, held, True
+            t, 0.0, abs(t), True, known, known, known, radius, None, held, False, event=event
         ).driven(table)  # fmt: skip
+
+    def _inputs(self, sample: Sample, event: int) -> Matrix:
+        """Known inputs w of an event, which stand behind those of the events before it."""
+        counts = [model.inputs.shape[1] for model in self._model.jumps]
+        if sample.w is None:
+            return np.zeros(counts[event])
+        first = sum(counts[:event])
+        own = vector(sample.w, sum(counts), "w")[first : first + counts[event]]
+        if self.gains.sensors and not np.isfinite(own).all():
+            raise ValueError(f"w of event {self.gains.events[event].name} must be finite.")
+        return own
 
     def _disturbed(self, b: Disturbance, known: Matrix, held: Matrix) -> tuple[Matrix, Matrix]:
         """(inputs and middles of the disturbance, radii of its columns) of a stage."""
@@ -272,6 +295,10 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     @cached_property
     def _model(self) -> Model:
         return observer_model(self.gains)
+
+    @cached_property
+    def _clocks(self) -> Clocks:
+        return Clocks(self.gains)
 
     @cached_property
     def _tables(self) -> Tables:

@@ -42,6 +42,7 @@ class Stage(NamedTuple):
     disturbance. strip (2, p): lower and upper bounds of C z after it, NaN for an output that is
     missing, None without a measurement. box (2, n): certified bounds of z after it. ends_row: it is
     the last stage of its row. spread: largest width that was predicted, without a measurement.
+    event: of a jump, its place among the events.
     """
 
     t: float
@@ -56,6 +57,7 @@ class Stage(NamedTuple):
     box: Matrix
     ends_row: bool
     spread: float = 0.0
+    event: int = 0
 
     @property
     def is_still(self) -> bool:
@@ -118,7 +120,7 @@ def drift_of(table: Table, known: Matrix) -> tuple[Matrix, Matrix]:
 
 def table_of(tables: Tables, stage: Stage) -> Table:
     """The table of a stage."""
-    return tables.jump if stage.jump else tables.for_step(stage.h, stage.size)
+    return tables.jumps[stage.event] if stage.jump else tables.for_step(stage.h, stage.size)
 
 
 def window_of(

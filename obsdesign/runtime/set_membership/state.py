@@ -13,9 +13,10 @@ class SetMembershipState(NamedTuple):
     """Everything the next row needs, just after time t; in balanced units z = scales * x.
 
     box (2, n): bounds of z; start (2, n): bounds before the oldest of the stages; u: input that
-    holds; held (2, k): bounds of the flow's disturbance up to the next row; sampled: time of the
-    last measurement; refutation: since when, and why, the bounds are void, "" while they hold.
-    recent: the boxes after the last rows, the latest one last: one more than `fixed_lag` at most.
+    holds; held (2, k): bounds of the flow's disturbance up to the next row; guards: of every event;
+    sampled: time of the last measurement of every sensor; refutation: since when, and why, the
+    bounds are void, "" while they hold; recent: the boxes after the last rows, the latest one last:
+    one more than `fixed_lag` at most.
     """
 
     t: float
@@ -24,8 +25,8 @@ class SetMembershipState(NamedTuple):
     stages: tuple[Stage, ...]
     u: Matrix
     held: Matrix
-    guard: DwellGuard
+    guards: tuple[DwellGuard, ...]
     started: bool
-    sampled: float
+    sampled: tuple[float, ...]
     refutation: str = ""
     recent: tuple[Matrix, ...] = ()

@@ -18,7 +18,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, powers, raised
-from obsdesign.runtime.set_membership.model import Model
+from obsdesign.runtime.set_membership.model import JumpModel, Model
 from obsdesign.runtime.set_membership.series import FlowSeries
 from obsdesign.runtime.step_cache import shared_step
 
@@ -65,7 +65,7 @@ class Table:
 
 
 class Tables:
-    """Tables of steps and of the jump, made when they are first needed."""
+    """Tables of steps and of jumps, made when they are first needed."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -84,20 +84,20 @@ class Tables:
         return table
 
     @cached_property
-    def jump(self) -> Table:
-        """The table of a jump; ValueError where the plant has none."""
-        model = self._model
-        if model.G is None or model.jump is None:
-            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-        n, width, c = model.n, model.width, model.jump
-        forced = Enclosure.exactly(np.hstack([model.jump_inputs, c.matrix]))
+    def jumps(self) -> tuple[Table, ...]:
+        """The tables of all events."""
+        return tuple(self._jump(jump) for jump in self._model.jumps)
+
+    def _jump(self, jump: JumpModel) -> Table:
+        n, width, c = self._model.n, self._model.width, jump.c
+        forced = Enclosure.exactly(np.hstack([jump.inputs, c.matrix]))
         columns = np.zeros((n, 3, 1, width))
         columns[:, 0, 0, : len(c.active)] = c.matrix[:, c.active]
         units = np.arange(len(c.active))
         none, sizes = np.zeros((n, 0)), np.zeros((n, 2, 1, width))
         sizes[:, 1] = np.abs(columns[:, 0])
         return _table(
-            Enclosure.exactly(model.G), forced, Enclosure(columns, np.zeros_like(columns)),
+            Enclosure.exactly(jump.G), forced, Enclosure(columns, np.zeros_like(columns)),
             sizes, length=0.0, generators=(columns[:, 0, 0, units], units, none),
         )  # fmt: skip
 

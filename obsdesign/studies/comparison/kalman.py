@@ -16,11 +16,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.problem.plant import Plant
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime.base import Sample
 
 # without any noise of y, so much of its size: a filter needs some
@@ -72,16 +72,18 @@ def kalman_filter(
     steps = _Steps(plant, walk)
     R, means, log_likelihood = _noise(plant, rows), [], 0.0
     u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
-    after = plant.output.jump_measurement == "after"
+    after = np.repeat(
+        [sensor.jump_measurement == "after" for sensor in plant.sensors],
+        [len(sensor.C) for sensor in plant.sensors],
+    )
     for k, row in enumerate(rows):
         if k:
             now = steps.flow(now, row.t - rows[k - 1].t, u)
-        if row.jump and after:
-            now = steps.jump(now, row)
-        now, gained = _measured(now, row, plant, R)
-        log_likelihood += gained
-        if row.jump and not after:
-            now = steps.jump(now, row)
+        for there in (~after, after) if row.jump else (np.ones(plant.p, bool),):
+            if row.jump and there is after:
+                now = steps.jump(now, row)
+            now, gained = _measured(now, row, plant, R, there)
+            log_likelihood += gained
         u = u if row.u is None else np.asarray(row.u, dtype=np.float64)
         means.append(now.z)
     states = np.array(means).reshape(len(rows), n + q)
@@ -96,7 +98,7 @@ def tuned_walk(
     initial_variance: ArrayLike = 25.0,
 ) -> float:
     """The walk, a power of ten, of maximum likelihood; 0 where no input or impulse is unknown."""
-    unknown_impulses = plant.jump is not None and plant.jump.H is not None
+    unknown_impulses = any(event.H is not None for event in plant.events)
     if plant.flow.D is None and not unknown_impulses:
         return 0.0
     rows = samples[:_MOST_ROWS]
@@ -112,7 +114,7 @@ def tuned_walk(
 
 
 def _noise(plant: Plant, rows: Sequence[Sample]) -> Matrix:
-    output = plant.output
+    output = plant.outputs
     y = np.array([row.y for row in rows if row.y is not None], dtype=np.float64)
     size = np.nan_to_num(np.sqrt(np.nanmean(y**2, axis=0))) if y.size else np.ones(plant.p)
     bound = 0.0 if output.noise_radius is None else output.noise_radius
@@ -121,16 +123,18 @@ def _noise(plant: Plant, rows: Sequence[Sample]) -> Matrix:
     return np.diag(np.maximum(variance, least))
 
 
-def _measured(now: _Moments, row: Sample, plant: Plant, R: Matrix) -> tuple[_Moments, float]:
-    """The moments after what there is of a measurement, and its log-likelihood."""
+def _measured(
+    now: _Moments, row: Sample, plant: Plant, R: Matrix, used: NDArray[np.bool_]
+) -> tuple[_Moments, float]:
+    """The moments after what there is of a measurement, and its log-likelihood; used (p,)."""
     if row.y is None:
         return now, 0.0
-    centre = plant.output.noise_centre
+    centre = plant.outputs.noise_centre
     y = np.asarray(row.y, dtype=np.float64) - (0.0 if centre is None else centre)
-    there = np.isfinite(y)
+    there = np.isfinite(y) & used
     if not there.any():
         return now, 0.0
-    return _update(now, y[there], plant.output.C[there], R[np.ix_(there, there)])
+    return _update(now, y[there], plant.outputs.C[there], R[np.ix_(there, there)])
 
 
 def _update(now: _Moments, y: Matrix, C: Matrix, R: Matrix) -> tuple[_Moments, float]:
@@ -181,22 +185,31 @@ class _Steps:
         known, held = np.split(forced, [self.B.shape[1]], axis=1)
         Q = held @ self.covariance @ held.T
         Q[n:, n:] += h * self.walk * np.eye(q)
-        jump = self.plant.jump
-        if jump is not None and jump.H is not None:
-            Q[:n, :n] += h * self.walk * jump.H @ jump.H.T
+        for event in self.plant.events:
+            if event.H is not None:
+                Q[:n, :n] += h * self.walk * event.H @ event.H.T
         return move, known, held @ self.middle, Q
 
     def jump(self, now: _Moments, row: Sample) -> _Moments:
-        """Through a jump."""
-        jump, n = self.plant.jump, self.n
-        if jump is None:
-            return now
+        """Through the events of a row."""
+        first = 0
+        for k, event in enumerate(self.plant.events):
+            inputs = 0 if event.E is None else event.E.shape[1]
+            w = None if row.w is None else np.asarray(row.w, dtype=np.float64)
+            if k in (row.events or (0,)):
+                now = self._event(now, event, None if w is None else w[first : first + inputs])
+            first += inputs
+        return now
+
+    def _event(self, now: _Moments, jump: Jump, w: Matrix | None) -> _Moments:
+        """Through one event with known inputs w."""
+        n = self.n
         G = np.eye(len(now.z))
         G[:n, :n] = jump.G
         z = G @ now.z
         z[:n] += jump.disturbance_columns @ (jump.lower + jump.upper) / 2
-        if jump.E is not None and row.w is not None:
-            z[:n] += jump.E @ np.asarray(row.w, dtype=np.float64)
+        if jump.E is not None and w is not None:
+            z[:n] += jump.E @ w
         P = G @ now.P @ G.T
         P[:n, :n] += _covariance(jump.disturbance_columns, jump.lower, jump.upper)
         return _Moments(z, P)

@@ -9,12 +9,15 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import numbered
+from obsdesign.data.clock_columns import ClockColumns
+from obsdesign.data.instants import default_until
 from obsdesign.data.records import Layout, read_columns, read_samples
-from obsdesign.data.simulation import default_until, simulate
+from obsdesign.data.simulation import simulate
 from obsdesign.document import Design
 from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample
 from obsdesign.runtime.base import Observer, rows_of
 
@@ -58,19 +61,27 @@ class ComparisonRecord:
         until = end_of_record(plant) if until is None else until
         run = simulate(plant, until=until, step=step, rng=rng, announced=True)
         inputs = {letter: run.block(letter) for letter in "uw" if run.block(letter).size}
-        samples = rows_of(run.t, run.block("y"), **inputs, jump=run.columns.get("jump"))
+        jump = run.happened
+        if jump is not None and len(plant.events) == 1:
+            jump = jump[:, 0]
+        samples = rows_of(run.t, run.block("y"), **inputs, jump=jump)
         d = run.block("d")
         return ComparisonRecord(tuple(samples), run.block("x"), d if d.size else None)
 
     @staticmethod
-    def from_file(path: str, plant: Plant) -> ComparisonRecord:
+    def from_file(path: str, problem: Problem) -> ComparisonRecord:
         """A data file, with its truth where it has all of x1, ..., xn (and d1, ...)."""
-        flow, jump = plant.flow, plant.jump
-        u, w = (0 if X is None else X.shape[1] for X in (flow.B, None if jump is None else jump.E))
-        columns = read_columns(path)
+        plant = problem.plant
+        flow, columns = plant.flow, read_columns(path)
+        u = 0 if flow.B is None else flow.B.shape[1]
+        w = sum(0 if event.E is None else event.E.shape[1] for event in plant.events)
         # impulses of unknown weight may come unannounced
-        announced = jump is not None and (jump.H is None or "jump" in columns)
-        layout = Layout(plant.p, u, w, announced)
+        names = {"jump", "event", *(event.name for event in plant.events)}
+        announced = bool(plant.events) and (
+            all(event.H is None for event in plant.events) or not names.isdisjoint(columns)
+        )
+        clocks = ClockColumns.from_problem(problem.to_dict(), has_events=announced)
+        layout = Layout(plant.p, u, w, announced, clocks=clocks, may_repeat=not plant.has_one_clock)
         with open(path, encoding="utf-8", newline="") as stream:
             samples = tuple(read_samples(stream, layout, path))
         q = 0 if flow.D is None else flow.D.shape[1]
@@ -81,7 +92,8 @@ class ComparisonRecord:
 
 def end_of_record(plant: Plant) -> float | None:
     """End of a simulation, None for its default; five times that where every row is a jump."""
-    return 5 * default_until(plant, "random") if plant.output.measured == "at_jumps" else None
+    at_jumps = plant.has_one_clock and plant.output.measured == "at_jumps"
+    return 5 * default_until(plant, "random") if at_jumps else None
 
 
 def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) -> Matrix | None:

@@ -108,10 +108,10 @@ def _gains(problem: Problem, window: int) -> SetMembershipGains:
 
 def _decay(problem: Problem, budget: TimeBudget) -> dict[str, NewEntries]:
     """A certificate that the part which no sample sees contracts over the dwell times."""
-    hidden, jump = unobservable_part(problem.plant), problem.plant.jump
-    if hidden is None or jump is None or jump.dwell_time is None:
+    hidden, events = unobservable_part(problem.plant), problem.plant.events
+    if hidden is None or len(events) != 1 or events[0].dwell_time is None:
         return {}
     low, high = problem.require_dwell_time()
     F, H = hidden.maps
-    verdict = decide(F, H, low, high, jitter=jump.dwell_jitter, budget=budget)
+    verdict = decide(F, H, low, high, jitter=events[0].dwell_jitter, budget=budget)
     return {"attainable": dict(verdict.evidence)}

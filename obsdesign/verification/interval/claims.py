@@ -203,7 +203,7 @@ def _reason_against(problem: Problem) -> str | None:
     reason = reason_against(problem)
     is_periodic = problem.plant.output.measured == "periodic"
     reason = reason or (None if is_periodic else reason_against_problem(problem))
-    return reason or problem.reason_without("output.noise_bound")
+    return reason or problem.reason_without_noise_bound()
 
 
 def expected_gains(problem: Problem, stored: Entries) -> NewEntries:

@@ -12,7 +12,6 @@ from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import undecided
 from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
 from obsdesign.document import Claim
-from obsdesign.equations.gains import plant_data
 from obsdesign.equations.set_membership.gains import SetMembershipGains, plant_entries
 from obsdesign.problem.options import SetMembershipOptions
 from obsdesign.problem.problem import Problem
@@ -81,7 +80,7 @@ def without_contradiction(
 
 def _expected(problem: Problem, stored: Entries) -> NewEntries:
     options = problem.options_as(SetMembershipOptions)
-    expected = plant_data(problem.plant) | plant_entries(problem.plant)
+    expected = plant_entries(problem.plant)
     # a window that the problem leaves open is a choice: every one gives sound bounds
     window = stored.get("window") if options.window is None else options.window
     expected |= {"window": window, "steps": options.steps}

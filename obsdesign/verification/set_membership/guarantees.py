@@ -60,7 +60,7 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
     best, ratio = optimal.get("least", none), optimal.get("ratio") or none
     return tuple(
         StateWidths(f"x{i + 1}", None, strip, width[i], None, best[i], ratio[i])
-        for i, strip in enumerate(sensor_strips(problem.plant.output))
+        for i, strip in enumerate(sensor_strips(problem.plant.outputs))
     )
 
 

@@ -58,20 +58,11 @@ def observability_claims(
 def _attainable(
     problem: Problem, hidden: HiddenPart, certificate: Entries, paranoid: bool
 ) -> Claim:  # fmt: skip
-    dwell = _dwell(problem)
     count = hidden.basis.shape[1]
-    plant = problem.plant
-    G = None if plant.jump is None else plant.jump.G
-    witness = not_detectable(plant.flow.A, G, sampled_matrix(plant), (dwell.low, dwell.high))
-    if witness is not None:
-        verdict = refuted(_with_direction(witness, hidden))
-    elif G is None:
-        verdict = prove_hurwitz(hidden.maps[0])
+    if len(problem.plant.events) > 1:
+        verdict = undecided("whether it contracts is not decided for several events")
     else:
-        flow, jump = hidden.maps
-        verdict = dwell_stability(flow, jump, dwell, certificate, paranoid)
-    if G is None and verdict.outcome != "refuted":
-        verdict = Verdict(verdict.outcome, {**verdict.evidence, "dimension": count})
+        verdict = _contracts(problem, hidden, certificate, paranoid)
     return Claim.from_verdict(
         "attainable",
         f"the part of the state that no sample sees, of dimension {count}, contracts by itself: "
@@ -79,6 +70,24 @@ def _attainable(
         "detectability",
         verdict,
     )
+
+
+def _contracts(
+    problem: Problem, hidden: HiddenPart, certificate: Entries, paranoid: bool
+) -> Verdict:  # fmt: skip
+    """Does a part that no sample sees contract along the flow, and jumps if there are any?"""
+    dwell, plant = _dwell(problem), problem.plant
+    G = None if plant.jump is None else plant.jump.G
+    witness = not_detectable(plant.flow.A, G, sampled_matrix(plant), (dwell.low, dwell.high))
+    if witness is not None:
+        return refuted(_with_direction(witness, hidden))
+    if G is not None:
+        flow, jump = hidden.maps
+        return dwell_stability(flow, jump, dwell, certificate, paranoid)
+    verdict = prove_hurwitz(hidden.maps[0])
+    if verdict.outcome == "refuted":
+        return verdict
+    return Verdict(verdict.outcome, {**verdict.evidence, "dimension": hidden.basis.shape[1]})
 
 
 def _with_direction(witness: Entries, hidden: HiddenPart) -> NewEntries:

@@ -42,7 +42,7 @@ def _data(folder: Path) -> tuple[Problem, str]:
 def test_the_narrowest_strip_holds_the_state_at_every_sample(tmp_path: Path) -> None:
     problem, path = _data(tmp_path)
     table = Table.from_file(path)
-    strips = strips_of(problem.plant.output, table)
+    strips = strips_of(problem.plant, table)
     assert list(strips) == ["x2"]  # the third output is no state alone
     strip, x = strips["x2"], table.numbers("x2")
     assert strip.width == pytest.approx(0.2)  # that of the first output: 0.4 / 2; the second's is 1
@@ -64,10 +64,10 @@ def test_a_missing_sample_and_unknown_noise_have_no_strip(tmp_path: Path) -> Non
     cells[column] = ""
     rows[3] = ",".join(cells)
     Path(path).write_text("\n".join(rows) + "\n")
-    lower = strips_of(problem.plant.output, Table.from_file(path))["x2"].lower
+    lower = strips_of(problem.plant, Table.from_file(path))["x2"].lower
     assert np.flatnonzero(np.isnan(lower)).tolist() == [2]
     body = {**BODY, "output": {key: x for key, x in BODY["output"].items() if key != "noise_bound"}}
-    assert not strips_of(Problem.from_dict(body).plant.output, Table.from_file(path))
+    assert not strips_of(Problem.from_dict(body).plant, Table.from_file(path))
 
 
 def _estimates(folder: Path, name: str, half: float, path: str) -> str:
@@ -85,7 +85,7 @@ def test_two_observers_and_the_sensor_stand_in_one_picture(tmp_path: Path) -> No
     own = _estimates(tmp_path, "set_membership.csv", 0.05, data)
     other = _estimates(tmp_path, "interval.csv", 5.0, data)
     picture = tmp_path / "both.svg"
-    plot_estimate(own, data, str(picture), None, Comparison(other, problem.plant.output))
+    plot_estimate(own, data, str(picture), None, Comparison(other, problem.plant))
     words = ("set membership", "interval", "sensor strip", "true state", "width of the bounds")
     text = picture.read_text("utf-8")
     assert all(f"<!-- {word}" in text for word in words)

@@ -131,10 +131,11 @@ def test_a_model_in_other_units_is_the_same_plant() -> None:
     s = model.scales
     assert s.max() > 50 * s.min()
     assert (model.A * s / s[:, None] == A).all()
-    assert (model.G * s / s[:, None] == G).all()
+    (jump,) = model.jumps
+    assert (jump.G * s / s[:, None] == G).all()
     assert (model.C * s == plain["C"]).all()
     assert (model.inputs / s[:, None] == plain["B"]).all()
-    assert (model.jump_inputs / s[:, None] == plain["E"]).all()
+    assert (jump.inputs / s[:, None] == plain["E"]).all()
 
 
 def test_initial_bounds_that_are_none_are_named() -> None:

@@ -226,7 +226,7 @@ def test_bounds_of_rows_are_used_as_run_uses_them(tmp_path: Path, columns: str) 
     start = np.array([[-3.0, 3.0], [-3.0, 3.0]])
     widths = []
     for path in (data, narrow):
-        record = ComparisonRecord.from_file(str(path), problem.plant)
+        record = ComparisonRecord.from_file(str(path), problem)
         compared = run(design, record, start)
         estimates = tmp_path / "est.csv"
         execute(
@@ -240,7 +240,7 @@ def test_bounds_of_rows_are_used_as_run_uses_them(tmp_path: Path, columns: str) 
     assert widths[1] < 0.99 * widths[0]
     # the twin: kinds that promise no bounds read the same file as before
     point = obsdesign.design(problem.for_kind("luenberger")[0])
-    records = [ComparisonRecord.from_file(str(path), problem.plant) for path in (data, narrow)]
+    records = [ComparisonRecord.from_file(str(path), problem) for path in (data, narrow)]
     assert len({run(point, record, start)["error"] for record in records}) == 1
 
 

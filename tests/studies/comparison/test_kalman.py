@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.simulation import simulate
+from obsdesign.problem.problem import Problem
 from obsdesign.runtime.base import Sample, rows_of
 from obsdesign.studies.comparison.kalman import kalman_filter, tuned_walk
+from tests.systems.clocks import renamed, two_clocks
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -95,3 +98,32 @@ def test_known_inputs_and_the_unknown_one_are_used() -> None:
     estimates = kalman_filter(built, rows_of(record.t, record.block("y")), walk=1e-2)
     assert np.allclose(estimates.d[-1], d, atol=0.05 * (1 + np.abs(d).max()))
     assert np.allclose(estimates.x[-1], record.block("x")[-1], atol=0.05)
+
+
+def test_named_events_and_sensors_are_filtered_as_a_jump_and_an_output() -> None:
+    """One output of two rows is two sensors, and one jump is two events by turns."""
+    plain: dict[str, Any] = two_clocks()
+    plain["jump"]["E"] = [[1], [0.5]]
+    plain["output"] = {"C": [[0, 1], [1, 1]], "noise_bound": [0.02, 0.1]}
+    named = renamed(plain)
+    event, (first, second) = named["event"][0], [[row] for row in plain["output"]["C"]]
+    named["event"] = [event, {**event, "name": "other"}]
+    named["sensor"] = [
+        {"name": "level", "C": first, "noise_bound": 0.02, "every": "continuous"},
+        {"name": "sum", "C": second, "noise_bound": 0.1, "every": "continuous"},
+    ]
+    plant = Problem.from_dict(plain).plant
+    run = simulate(plant, until=12.0, step=0.1)
+    rows = list(rows_of(run.t, run.block("y"), w=run.block("w"), jump=run.columns["jump"]))
+    turns = [
+        row._replace(
+            events=(i % 2,) if row.jump else (),
+            w=np.where(np.arange(2) == i % 2, np.asarray(row.w), np.nan),
+        )
+        for i, row in enumerate(rows)
+    ]
+    one = kalman_filter(plant, rows)
+    other = kalman_filter(Problem.from_dict(named).plant, turns)
+    assert sum(row.jump for row in rows) > 2
+    assert np.allclose(one.x, other.x, rtol=1e-12, atol=1e-12)
+    assert np.abs(one.x - run.block("x"))[20:].mean() < 0.2

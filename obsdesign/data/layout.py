@@ -1,0 +1,79 @@
+"""Which columns a record of a plant has, by signal or by the names of events and sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from lmi.arithmetic.arrays import Entries
+from obsdesign.column_names import TIME, data_columns, numbered
+from obsdesign.data.clock_columns import ClockColumns
+from obsdesign.document import Design
+from obsdesign.runtime.base import Observer
+from obsdesign.runtime.bounds import DeclaredBounds
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of a plant's data: numbers of measurements, known inputs, jump inputs; jumps.
+
+    bounds: declared ones that columns of a row may narrow, None where none are used; unused:
+    letters of those that stay as declared. clocks: of named events and sensors, whose columns stand
+    for y, w and jump; may_repeat: rows may share a time, and act in the order of the file.
+    """
+
+    y: int
+    u: int = 0
+    w: int = 0
+    jump: bool = False
+    bounds: DeclaredBounds | None = None
+    unused: str = ""
+    clocks: ClockColumns | None = None
+    may_repeat: bool = False
+
+    @staticmethod
+    def from_reads(reads: Mapping[str, int]) -> Layout:
+        """The layout of the samples that an observer reads (`Observer.reads`)."""
+        return Layout(reads["y"], reads["u"], reads["w"], bool(reads["jump"]))
+
+    @staticmethod
+    def from_design(design: Design, observer: Observer) -> Layout:
+        """The layout of the samples that the observer of a design reads, and their bounds.
+
+        Where b = Bw w or c = W w, columns are of w: an observer that has no use for the matrix
+        knows the box around b or c alone, which they do not narrow.
+        """
+        layout, bounds = Layout.from_reads(observer.reads), observer.declared_bounds
+        clocks = ClockColumns.from_problem(design.problem, has_events=layout.jump)
+        layout = replace(layout, clocks=clocks, may_repeat="sensors" in design.gains)
+        if bounds is None:
+            return layout
+        folded = [
+            letter
+            for letter, block, gain in (
+                ("b", "flow", "disturbance_matrix"),
+                ("c", "jump", "jump_disturbance_matrix"),
+            )
+            if "disturbance_matrix" in _block(design.problem, block) and gain not in design.gains
+        ]
+        return replace(layout, bounds=bounds, unused="".join(folded))
+
+    def columns(self, header: Sequence[str] = ()) -> tuple[str, ...]:
+        """Columns that a file with this header must have, in their usual order."""
+        if self.clocks is not None:
+            return (TIME, *numbered("u", self.u), *self.clocks.required(header))
+        return data_columns({"y": self.y, "u": self.u, "w": self.w}, self.jump)
+
+    @property
+    def optional(self) -> tuple[str, ...]:
+        """Columns which a file may have: of bounds, and of events by their names."""
+        bounds = () if self.bounds is None else self.bounds.columns
+        return bounds if self.clocks is None else (*bounds, *self.clocks.optional)
+
+
+def _block(problem: Entries, name: str) -> Entries:
+    """The flow or the jump of a problem as a dict; the one event where events have names."""
+    events = problem.get("event", ())
+    if name == "jump" and len(events) == 1:
+        return dict(events[0])
+    return dict(problem.get(name, {}))

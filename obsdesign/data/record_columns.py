@@ -1,0 +1,60 @@
+"""Columns of a simulated record: by signal, or by the names of events and sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.arithmetic.arrays import Array, Matrix
+from obsdesign.column_names import JUMP, TIME, TRUTH, numbered
+from obsdesign.problem.clocks import Sensor
+from obsdesign.problem.plant import Plant
+
+
+def record_columns(
+    plant: Plant, times: Matrix, blocks: Mapping[str, Matrix], happened: NDArray[np.bool_] | None
+) -> dict[str, Array]:
+    """Columns of all signals, then the truth; y, w, u, x, d are in blocks, (rows, ...) each.
+
+    happened (rows, events): what the record says of events, None where it has no word of them.
+    """
+    columns: dict[str, Array] = {TIME: times}
+    named = isinstance(plant.sensors[0], Sensor)
+    if named:
+        columns |= _sensors(plant, blocks["y"])
+    else:
+        columns |= _numbered("y", blocks["y"])
+    columns |= _numbered("u", blocks["u"])
+    if named:
+        columns |= {} if happened is None else _events(plant, blocks["w"], happened)
+    else:
+        columns |= _numbered("w", blocks["w"])
+        if happened is not None and plant.events:
+            columns[JUMP] = happened[:, 0].astype(np.int64)
+    for letter in TRUTH:
+        columns |= _numbered(letter, blocks[letter])
+    return columns
+
+
+def _numbered(letter: str, values: Matrix) -> dict[str, Array]:
+    return dict(zip(numbered(letter, values.shape[1]), values.T, strict=True))
+
+
+def _sensors(plant: Plant, y: Matrix) -> dict[str, Array]:
+    titles = [title for sensor in plant.sensors for title in sensor.columns]
+    return dict(zip(titles, y.T, strict=True))
+
+
+def _events(plant: Plant, w: Matrix, happened: NDArray[np.bool_]) -> dict[str, Array]:
+    """Known inputs of events, or ones where there are none, at the rows of each."""
+    columns: dict[str, Array] = {}
+    first = 0
+    for event, rows in zip(plant.events, happened.T, strict=True):
+        count = 0 if event.E is None else event.E.shape[1]
+        own = w[:, first : first + count] if count else np.ones((len(w), 1))
+        values = np.where(rows[:, None], own, np.nan)
+        columns |= dict(zip(event.columns, values.T, strict=True))
+        first += count
+    return columns

@@ -1,0 +1,77 @@
+"""Events and sensors of a plant with several clocks, as a design stores them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array
+from obsdesign.equations.gains import Stored, count, matrix, number, text, word
+from obsdesign.equations.plant import Jump, Output
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EventGains(Stored):
+    """A named jump x+ = G x + E w + c, with c in a box, or c = W u with u in a box.
+
+    G (n, n); E (n, l); lower, upper (k,): of c, or of u where disturbance_matrix W (n, k) is given;
+    dwell_time: (shortest, longest) time since the last event of this name, None for any.
+    """
+
+    name: str = text()
+    G: Array = matrix("n", "n")
+    E: Array | None = matrix("n", "l", optional=True)
+    lower: Array = matrix("k")
+    upper: Array = matrix("k")
+    disturbance_matrix: Array | None = matrix("n", "k", optional=True)
+    dwell_time: Array | None = matrix(2, optional=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.disturbance_matrix is None and len(self.lower) != len(self.G):
+            raise ValueError("gains.lower must have one entry per state.")
+
+    @classmethod
+    def from_event(cls, event: Jump) -> EventGains:
+        """The numbers of an event of a plant."""
+        dwell_time = None if event.dwell_time is None else np.array(event.dwell_time)
+        return cls(
+            name=event.name, G=event.G, E=event.E, lower=event.lower, upper=event.upper,
+            disturbance_matrix=event.disturbance_matrix, dwell_time=dwell_time,
+        )  # fmt: skip
+
+    @property
+    def inputs(self) -> int:
+        """Number of known inputs w."""
+        return 0 if self.E is None else int(self.E.shape[1])
+
+    @property
+    def disturbance(self) -> tuple[Array, Array, Array]:
+        """(W, lower, upper): c = W u with u in the box; W = I where the box is that of c."""
+        own = self.disturbance_matrix
+        return np.eye(len(self.G)) if own is None else own, self.lower, self.upper
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensorGains(Stored):
+    """A named sensor: which outputs are its own, and when it is read.
+
+    outputs: how many rows of C, in the order of the sensors; sees: at events it sees the state
+    before, after, or nothing; gap: longest time between two samples, 0 where every row has one,
+    infinite where it is not bounded; event: name of the event at which alone it is read.
+    """
+
+    name: str = text()
+    outputs: int = count()
+    sees: str = word("before", "after", "none")
+    gap: float = number()
+    event: str | None = text(optional=True)
+
+    @classmethod
+    def from_sensor(cls, sensor: Output) -> SensorGains:
+        """The clock of a sensor of a plant."""
+        return cls(
+            name=sensor.name, outputs=len(sensor.C), sees=sensor.jump_measurement, gap=sensor.gap,
+            event=sensor.event,
+        )  # fmt: skip

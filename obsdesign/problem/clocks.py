@@ -1,0 +1,207 @@
+"""Events and sensors of a problem file: named jumps and outputs, each on a clock of its own."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from lmi.arithmetic.arrays import Value
+from obsdesign.column_names import signal_columns
+from obsdesign.entries import is_number, positive, real, shown
+from obsdesign.errors import InputError
+from obsdesign.problem.blocks import set_fields
+from obsdesign.problem.output import IRREGULAR, Output
+from obsdesign.problem.plant import Jump
+from obsdesign.problem.schema import NONNEGATIVE, file_entry, one_of, ref, whole_number
+from obsdesign.problem.time_ranges import time_range
+
+Every = float | tuple[float, float]
+CONTINUOUS = "continuous"
+SEES = ("before", "after")
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+# titles of other columns: time, numbered signals, their bounds, words of the format
+_RESERVED = re.compile(r"t|[a-z]\d+(_.*)?|jump|event|mode|status|received")
+_NAME_SCHEMA = {"type": "string", "title": "a name: small letters, digits and _"}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Event(Jump):
+    """A jump by a name of its own, some time after the last one of that name.
+
+    name: of its column in data; every: that time as a number, or (shortest, longest), None where it
+    is not stated; dwell_time follows from it. Otherwise as `Jump`.
+    """
+
+    name: str = file_entry(_NAME_SCHEMA, "Name of the event, and of its column in data.")
+    every: Every | None = file_entry(
+        ref("every"), "Time since the last event of this name: a number, or [shortest, longest].",
+        default=None,
+    )  # fmt: skip
+    dwell_time: tuple[float, float] | None = field(default=None, init=False)
+    dwell_jitter: float = field(default=math.inf, init=False)
+
+    def __post_init__(self) -> None:
+        check_name(self.name, "event")
+        self.check_map()
+        ends = _range(self.every, f"{self.entry}.every")
+        every = ends[0] if ends is not None and is_number(self.every) else ends
+        set_fields(self, every=every, dwell_time=ends, dwell_jitter=math.inf)
+
+    @property
+    def entry(self) -> str:
+        """What messages call it."""
+        return f"event.{self.name}"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Its columns in a data file: of its known inputs, or one that says that it happened."""
+        return signal_columns(self.name, 1 if self.E is None else len(self.E[0]))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sensor(Output):
+    """An output by a name of its own, and its clock; C and the noise as for `Output`.
+
+    every: time between two samples as a number, a range (shortest, longest), or "continuous"; at:
+    name of the event at which it is read, instead. jitter: largest distance of a sample from the
+    grid k every; losses: most samples in a row that may be missing. sees: at an event it sees the
+    state before or after.
+    """
+
+    name: str = file_entry(_NAME_SCHEMA, "Name of the sensor, and of its column in data.")
+    every: Every | str | None = file_entry(
+        ref("sensor_every"),
+        'Time between two samples: a number, [shortest, longest], or "continuous".',
+        default=None,
+    )
+    jitter: float = file_entry(
+        NONNEGATIVE, "Largest distance of a sample from the grid k every; default 0.", default=0.0
+    )
+    losses: int = file_entry(
+        whole_number(0),
+        "Most samples in a row that may be missing; default 0.",
+        default=0,
+        whole=True,
+    )
+    at: str | None = file_entry(
+        _NAME_SCHEMA, "Name of the event at which it is read, instead of every.", default=None
+    )
+    sees: str = file_entry(
+        one_of(*SEES), "At an event it sees the state before or after; default before.",
+        default="before",
+    )  # fmt: skip
+    measured: str = field(default=IRREGULAR, init=False)
+    period: float | None = field(default=None, init=False)
+    jump_measurement: str = field(default="before", init=False)
+
+    def __post_init__(self) -> None:
+        check_name(self.name, "sensor")
+        self.check_measurement()
+        if self.sees not in SEES:
+            raise InputError(f"{self.entry}.sees must be before or after; got {self.sees!r}.")
+        if (self.every is None) == (self.at is None):
+            got = "both" if self.at is not None else "neither"
+            raise InputError(
+                f"{self.entry}.every (a number, [shortest, longest] or {CONTINUOUS!r}) or "
+                f"{self.entry}.at (an event) is required; got {got}."
+            )
+        set_fields(self, measured=self._measured(), jump_measurement=self.sees)
+
+    def _measured(self) -> str:
+        """The word of an [output] for its clock; InputError for a clock that cannot be met."""
+        jitter, losses = real(self.jitter, f"{self.entry}.jitter"), self.losses
+        if not is_number(self.every) and (jitter or losses):
+            which = "jitter" if jitter else "losses"
+            raise InputError(
+                f"{self.entry}.{which} requires a number as {self.entry}.every; got "
+                f"{shown(self.every if self.at is None else self.at)}."
+            )
+        if self.at is not None:
+            return "at_jumps"
+        if self.every == CONTINUOUS:
+            return CONTINUOUS
+        entry = f"{self.entry}.every"
+        if not is_number(self.every):
+            set_fields(self, every=_range(self.every, entry))
+            return IRREGULAR
+        period = positive(real(self.every, entry), entry)
+        if not 0 <= jitter <= period / 2:
+            raise InputError(
+                f"{self.entry}.jitter must be from 0 to half of every, {period / 2:g}; got "
+                f"{jitter:g}."
+            )
+        set_fields(self, every=period)
+        if jitter or losses:
+            return IRREGULAR
+        set_fields(self, period=period)
+        return "periodic"
+
+    @property
+    def entry(self) -> str:
+        """What messages call it."""
+        return f"sensor.{self.name}"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Its columns in a data file."""
+        return signal_columns(self.name, len(self.C))
+
+    @property
+    def gap(self) -> float:
+        """Longest time between two samples; 0 where every row has one, infinite if not bounded."""
+        if isinstance(self.every, tuple):
+            return self.every[1]
+        if self.every is None or isinstance(self.every, str):
+            return super().gap
+        return self.every * (1 + self.losses) + 2 * self.jitter
+
+    @property
+    def event(self) -> str | None:
+        """Name of the event at which alone it is read; None where it has a clock of its own."""
+        return self.at
+
+
+def _range(values: Value, entry: str) -> tuple[float, float] | None:
+    """(shortest, longest) from a number or a pair."""
+    if is_number(values):
+        positive(real(values, entry), entry)
+        return time_range((values, values), entry, "time")
+    return time_range(values, entry, "time")
+
+
+def check_name(name: str, block: str) -> None:
+    """InputError unless an event or a sensor may be called so."""
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            f"{block}.name must be a small letter, then small letters, digits and _; got {name!r}."
+        )
+    if _RESERVED.fullmatch(name):
+        raise InputError(f"{block}.name: {name!r} is kept for other columns of data files.")
+
+
+def check_clocks(events: Sequence[Event], sensors: Sequence[Sensor]) -> None:
+    """InputError where names meet, or a sensor is read at an event that is none."""
+    titles = Counter[str]()
+    for event in events:
+        titles.update(event.columns)
+    for sensor in sensors:
+        titles.update(sensor.columns)
+    for title, count in titles.items():
+        if count > 1:
+            raise InputError(
+                f"events and sensors must differ in name; column {title!r} is doubled."
+            )
+        if _RESERVED.fullmatch(title):
+            raise InputError(
+                f"column {title!r} of an event or sensor has the name of another column."
+            )
+    names = [event.name for event in events]
+    for sensor in sensors:
+        if sensor.at is not None and sensor.at not in names:
+            raise InputError(
+                f"{sensor.entry}.at must be the name of an event ({', '.join(names) or 'none'}); "
+                f"got {sensor.at!r}."
+            )
