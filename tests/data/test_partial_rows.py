@@ -157,7 +157,7 @@ def test_every_door_reads_them_alike(
     assert parts == own[1:]
     path = tmp_path / "data.csv"
     path.write_text(text)
-    record = ComparisonRecord.from_file(str(path), problem.plant)
+    record = ComparisonRecord.from_file(str(path), problem)
     assert [k for k, x in enumerate(record.samples) if np.isnan(x.y).any()] == list(PARTIAL)
     start = [-1.0, 1.0] * 2
     row, filtered = compare_with_kalman([design], record, start)
