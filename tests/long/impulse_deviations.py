@@ -39,7 +39,7 @@ def onsets(records: int) -> None:
                         errors_of(plant(matrices, noise, period, **options), 40, seed)
                         for seed in range(records)
                     ]
-                except obsdesign.NotProved as refusal:
+                except (obsdesign.NotProved, obsdesign.InputError) as refusal:
                     print(f"{name:21s} {options}: {refusal}")
                     continue
                 size = np.sqrt((np.concatenate([run[0] for run in runs]) ** 2).mean(axis=0))

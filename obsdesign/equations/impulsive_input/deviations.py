@@ -1,15 +1,16 @@
 """Deviations of times and weights in noise, counting the error of the state before; floats.
 
-Impulses of weight 1 follow each other at the shortest dwell time. In features of unit noise v,
-R = V e + b(age) g + v, with e = e(t_o) of covariance P and J = [b', b], the fit is a left inverse X
-of J and, to first order,
+Impulses of weight 1 follow each other at the shortest dwell time. Noise enters a window through
+independent sources z of unit variance: the error e(t_o), of covariance P, and the output's noise,
+which enters features directly and through K. In features R = M z + b(age) g, e after the window is
+N z beside the impulse, J = [b', b], the fit is a left inverse X of J, and to first order
 
-    error of (age, g)   X (V e + v)
-    e after the window  Phi e - W (V e + v),   W = [D e^{D age} H, e^{D age} H] X + Phi G (I - J X)
+    error of (age, g)   X M z
+    e after the window  N z - W M z,   W = [D e^{D age} H, e^{D age} H] X + G (I - J X)
 
-with Phi = e^{D tau} and G the gain of the state correction, if there is one. P is the limit of
-this and of what noise adds through K. For an impulse of weight g the deviation of time is
-that over |g|; P does not depend on g.
+with G the gain of the state correction, if there is one. P is the limit of this and of what noise
+adds through K until the next window. For an impulse of weight g the deviation of time is that over
+|g|; P does not depend on g.
 """
 
 from __future__ import annotations
@@ -119,18 +120,18 @@ class NoisyImpulses:
         features, window = self._features(age), self.window
         D, n = window.D, len(window.D)
         Q = self.K @ np.diag(self.intensity) @ self.K.T
-        Phi, rest = expm(D * window.tau), max(self.dwell - window.tau, 0.0)
+        rest = max(self.dwell - window.tau, 0.0)
         between, state = expm(D * rest), expm(D * age) @ window.H
-        growth = between @ error_growth(D, Q, window.tau) @ between.T + error_growth(D, Q, rest)
-        moves = np.hstack([D @ state, state])
+        growth, moves = error_growth(D, Q, rest), np.hstack([D @ state, state])
         P = np.zeros((n, n))
         for _ in range(_IMPULSES):
-            X, gain = features.fit(P, self.weighting), np.zeros((n, len(features.V)))
+            sources = features.sources(P)
+            X, W = sources.fit(self.weighting), np.zeros((n, len(features.V)))
             if self.state_correction:
-                gain = features.state_gain(P)
-            W = moves @ X + Phi @ gain @ (np.eye(len(X.T)) - features.J @ X)
-            through, noise = between @ (Phi - W @ features.V), between @ W
-            after = through @ P @ through.T + noise @ noise.T + growth
+                W = sources.state_gain()
+            W = moves @ X + W @ (np.eye(len(X.T)) - features.J @ X)
+            left = between @ (sources.after - sources.shown @ W.T).T
+            after = left @ left.T + growth
             change, P = np.abs(after - P), (after + after.T) / 2
             if not np.isfinite(P).all() or (change <= _CONVERGED * np.abs(P).max()).all():
                 break
@@ -138,9 +139,9 @@ class NoisyImpulses:
             P = np.full((n, n), math.inf)
         if not np.isfinite(P).all():
             return Deviations(math.inf, math.inf), P
-        X = features.fit(P, self.weighting)
-        spread = X @ (np.eye(len(features.V)) + features.V @ P @ features.V.T) @ X.T
-        return Deviations(*np.sqrt(np.diag(spread)).tolist()), P
+        sources = features.sources(P)
+        spread = np.linalg.norm(sources.shown @ sources.fit(self.weighting).T, axis=0)
+        return Deviations(*spread.tolist()), P
 
     def distinct_kernels(self) -> int:
         """Number of kernels that floats tell apart: features of a window that carry a signal."""
@@ -159,32 +160,77 @@ class NoisyImpulses:
         parts = [T @ raw[j * m : (j + 1) * m] / roots[j] for j in range(len(C))]
         back = [right.T * sizes * root for root in roots]
         rows = np.vstack(parts)
-        return _WhiteFeatures(rows[:, :n], rows[:, n:], back)
+        noise, ends = self._noise(F, age)
+        white = [noise[:, j * m : (j + 1) * m] @ T.T / roots[j] for j in range(len(C))]
+        flow = expm(D * tau)
+        return _WhiteFeatures(rows[:, :n], rows[:, n:], flow, np.hstack(white), ends, back)
+
+    def _noise(self, F: Matrix, age: float) -> tuple[Matrix, Matrix]:
+        """(in the features (s, p m), in the state after the window (s, n)) of noise at nodes.
+
+        Noise of an output moves the estimate by K, and features as an error of the state of its age
+        does; and it stands in them as it is.
+        """
+        window, (p, n) = self.window, self.window.C.shape
+        ages, weights = window_nodes(window.tau, age)
+        scales = feature_scales(window.exponents, window.tau)
+        kernels = np.exp(np.outer(ages, window.exponents)) * scales
+        flows = -expm(F * ages[:, None, None])[:, :, :n] @ self.K  # (nodes, n + p m, p)
+        for j in range(p):
+            rows = slice(n + j * kernels.shape[1], n + (j + 1) * kernels.shape[1])
+            flows[:, rows, j] += kernels
+        flows *= np.sqrt(weights[:, None, None] * self.intensity)
+        sources = flows.transpose(0, 2, 1).reshape(-1, len(F))
+        return sources[:, n:], sources[:, :n]
 
 
 @dataclass(frozen=True)
 class _WhiteFeatures:
-    """V (r, n), J (r, 2) of features of unit noise; unwhitening: back to R, for each output."""
+    """V (r, n), J (r, 2) of features that are white but for noise through K.
+
+    flow (n, n): of the error over the window; noise (s, r), ends (s, n): what the output's noise
+    leaves in features and in the error after the window; unwhitening: back to R, for each output.
+    """
 
     V: Matrix
     J: Matrix
+    flow: Matrix
+    noise: Matrix
+    ends: Matrix
     unwhitening: list[Matrix]
 
-    def fit(self, P: Matrix, weighting: str) -> Matrix:
-        """X (2, r): age and weight from features, by the norm of the fit."""
-        if weighting == "plain":
-            parts = np.split(self.J, len(self.unwhitening))
-            raw = [back @ part for back, part in zip(self.unwhitening, parts, strict=True)]
-            inverse = np.split(left_inverse(np.vstack(raw)), len(raw), axis=1)
-            return np.hstack([x @ y for x, y in zip(inverse, self.unwhitening, strict=True)])
-        half = root_of_sum(self.V, P)
-        white = np.asarray(np.linalg.solve(half, self.J), dtype=np.float64)
-        return np.asarray(np.linalg.solve(half.T, left_inverse(white).T).T)
+    def sources(self, P: Matrix) -> _Sources:
+        """Those of an error of covariance P before the window, and of noise within it."""
+        root = square_root(P)
+        shown = np.vstack([(self.V @ root).T, self.noise])
+        after = np.vstack([(self.flow @ root).T, self.ends])
+        return _Sources(self, shown, after, *np.linalg.qr(shown))
 
-    def state_gain(self, P: Matrix) -> Matrix:
-        """P V' (I + V P V')^-1, (n, r)."""
-        half = root_of_sum(self.V, P)
-        return np.asarray(np.linalg.solve(half.T, np.linalg.solve(half, self.V @ P)).T)
+
+@dataclass(frozen=True)
+class _Sources:
+    """Rows of independent sources in features, shown (s, r) = Q upper, and in the error after."""
+
+    features: _WhiteFeatures
+    shown: Matrix
+    after: Matrix
+    Q: Matrix
+    upper: Matrix
+
+    def fit(self, weighting: str) -> Matrix:
+        """X (2, r): age and weight from features, by the norm of the fit."""
+        J, unwhitening = self.features.J, self.features.unwhitening
+        if weighting == "plain":
+            parts = np.split(J, len(unwhitening))
+            raw = [back @ part for back, part in zip(unwhitening, parts, strict=True)]
+            inverse = np.split(left_inverse(np.vstack(raw)), len(raw), axis=1)
+            return np.hstack([x @ y for x, y in zip(inverse, unwhitening, strict=True)])
+        white = np.asarray(np.linalg.solve(self.upper.T, J), dtype=np.float64)
+        return np.asarray(np.linalg.solve(self.upper, left_inverse(white).T).T)
+
+    def state_gain(self) -> Matrix:
+        """The error after the window that features make likely, (n, r)."""
+        return np.asarray(np.linalg.solve(self.upper, self.Q.T @ self.after).T)
 
 
 def _singular_kernels(window: FeatureWindow, age: float) -> tuple[Matrix, Matrix]:
@@ -215,11 +261,12 @@ def peak_age(curve: ImpulseCurve) -> float:
     return float((k + np.clip(shift, -1, 1)) * curve.step)
 
 
-def root_of_sum(V: Matrix, P: Matrix) -> Matrix:
-    """Lower triangular root of I + V P V', by QR: the sum, which may not show I, is not formed."""
-    sizes, directions = np.linalg.eigh(P)
-    spread = V @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
-    return np.asarray(np.linalg.qr(np.vstack([np.eye(len(V)), spread.T]), mode="r")).T
+def square_root(P: Matrix) -> Matrix:
+    """F (n, n) with F F' = P for a covariance P, of units as different as they may be."""
+    sizes = np.sqrt(np.diag(P))
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    values, vectors = np.linalg.eigh(P / sizes / sizes[:, None])
+    return np.asarray(sizes[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def error_growth(D: Matrix, Q: Matrix, elapsed: float) -> Matrix:

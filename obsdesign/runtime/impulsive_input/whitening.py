@@ -1,8 +1,8 @@
-"""Noise of the samples in the features of a window: made white, bounded, tested.
+"""Noise of the samples in the features of a window: made white, tested; evidence of onsets.
 
-With taps Psi and noise deviations s_k of the samples, the singular vectors U of diag(s) Psi give
-features U'(e / s) with unit covariance, of which b and V are the same linear map T; no Gramian is
-formed or inverted.
+As it enters directly: with taps Psi and noise deviations s_k of the samples, the singular vectors
+U of diag(s) Psi give features U'(e / s) with unit covariance, of which b and V are the same linear
+map T; no Gramian is formed or inverted. What enters through K is that of `window_noise`.
 """
 
 from __future__ import annotations
@@ -43,12 +43,6 @@ def whitened(taps: Matrix, error: Matrix, spread: Matrix) -> Weighted:
     return Weighted(np.concatenate(features), np.vstack(maps))
 
 
-def feature_deviation(taps: Matrix, spread: Matrix) -> float:
-    """sigma_R: the largest deviation of R in any direction, from the noise of the samples."""
-    sizes = [np.linalg.norm(taps * column[:, None], 2) for column in spread.T]
-    return float(max(sizes))
-
-
 def noise_deviation(gains: ImpulsiveInputGains, y: Matrix, level: Matrix) -> Matrix:
     """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
     std, cv = gains.noise_std, gains.noise_cv
@@ -64,11 +58,12 @@ def chi_squared_limit(freedom: int) -> float:
     return float(freedom * (1 - ninth + Z_SCORE * math.sqrt(ninth)) ** 3)
 
 
-def noise_covariance(taps: Matrix, spread: Matrix) -> Matrix:
-    """N, (p m, p m): covariance of R from noise of deviations `spread` (rows, p)."""
-    p, m = spread.shape[1], taps.shape[1]
-    N = np.zeros((p * m, p * m))
-    for j in range(p):
-        weighted = taps * spread[:, j, None]
-        N[j * m : (j + 1) * m, j * m : (j + 1) * m] = weighted.T @ weighted
-    return N
+def log_evidence(ratio: Matrix, directions: int) -> Matrix:
+    """Logarithm of the likelihood of onsets, up to a constant, over all weights.
+
+    ratio: twice the logarithm of that of the best weights against none, for each onset. What an
+    impulse leaves is before as likely to be of one size as of another, uniform in its logarithm and
+    its direction: under a flat prior of weights those onsets would be more likely which take larger
+    weights to leave the same. Laplace's approximation; what is smaller than noise does not count.
+    """
+    return np.asarray(ratio / 2 - directions / 2 * np.log(np.maximum(ratio, directions)))

@@ -36,7 +36,7 @@ from obsdesign.synthesis.impulsive_input.operator import (
     reason_for_samples,
     samples_within,
 )
-from obsdesign.synthesis.impulsive_input.samples import sampled_candidates
+from obsdesign.synthesis.impulsive_input.samples import reason_against_samples, sampled_candidates
 
 _WINDOW_SHARE = 0.8  # of the shortest dwell time
 _MARGIN_SHARE = 0.25  # of the window
@@ -60,11 +60,16 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
     integral = _integral_window(problem, K, window, weighting)
     D, window = integral.D, integral.window
     if reason := reason_against_integrals(problem, D, window):
-        longest = period_for_integrals(D, window)
-        yield from sampled_candidates(problem, low, reason, longest=longest)
-        if problem.plant.output.sample_spacing > longest_period(D, None, window):
-            return  # the claim `samples` of operator `integral` fails for the same reason
-    elif reason := reason_for_samples(problem, window, weighting):
+        # the claim `samples` of operator `integral` fails for the same reason
+        too_coarse = problem.plant.output.sample_spacing > longest_period(D, None, window)
+        if too_coarse or reason_against_samples(problem) is None:
+            longest = period_for_integrals(D, window)
+            yield from sampled_candidates(problem, low, reason, longest=longest)
+        else:
+            reason = None
+        if too_coarse:
+            return
+    elif reason := reason_for_samples(problem, window):
         count = samples_within(problem, window)
         yield from sampled_candidates(problem, low, reason, count=count)
     try:

@@ -5,8 +5,9 @@
     such that lambda_1 <= lambda_bar (what (15) neglects),  lambda_i - lambda_{i+1} >= spacing
 
 at the age where the exponents of the start evaluate impulses, and with the error of the state that
-they leave. Features are whitened by an orthogonalisation of the kernels at nodes of Gauss's rule:
-no Gramian is formed. Derivatives are exact. What is found is rated with its own age and error.
+they leave; noise enters directly and through K. Features are whitened by an orthogonalisation of
+the kernels at nodes of Gauss's rule: no Gramian is formed. Derivatives are exact. What is found is
+rated with its own age and error.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class ExponentProgram:
         window, roots = self.impulses.window, np.sqrt(self.impulses.intensity)
         unit = float(roots.max())
         roots, half = roots / unit, _root(self.covariance) * math.sqrt(window.tau) / unit
-        D, C, tau, n = window.D, window.C, window.tau, len(window.D)
+        D, C, tau = window.D, window.C, window.tau
         ages, weights = window_nodes(tau, self.age)
         weights = weights / tau
         kernels = ca.exp(ca.DM(ages / tau) @ z.T) * ca.repmat(ca.DM(np.sqrt(weights)), 1, z.numel())
@@ -93,23 +94,42 @@ class ExponentProgram:
         free = expm(D * (tau - ages)[:, None, None]) * np.sqrt(weights)[:, None, None]
         responses = [np.hstack([row @ D @ h, row @ h]) for row in C]
         sizes = np.linalg.norm(np.vstack(responses), axis=0)  # units of time and weight
-        V, J, raw = [], [], []
-        for row, response, root in zip(C, responses, roots, strict=True):
+        residual = _residual_noise(self.impulses, ages, weights * tau)
+        V, J, raw, noise = [], [], [], []
+        for row, response, root, shown in zip(C, responses, roots, residual, strict=True):
             V.append(Q.T @ ca.DM((row @ free) @ half / root))
             jump = float(row @ window.H[:, 0]) / (root * sizes[0])
             features = Q.T @ ca.DM(response / (root * sizes))
             J.append(features + ca.horzcat(at_onset * jump, 0 * at_onset))
             raw.append(root * R.T)
-        V, J = ca.vertcat(*V), ca.vertcat(*J)
+            noise.append(ca.DM(shown).T @ Q)
+        V, J, noise = ca.vertcat(*V), ca.vertcat(*J), ca.horzcat(*noise)
+        covariance = noise.T @ noise + V @ V.T
         if self.impulses.weighting == "plain":
             back = ca.diagcat(*raw)
             image = back @ J
             X = ca.solve(image.T @ image, image.T @ back)
-            spread = X @ X.T + (X @ V) @ (X @ V).T
+            spread = X @ covariance @ X.T
         else:
-            both = V.T @ J
-            spread = ca.inv(J.T @ J - both.T @ ca.solve(ca.DM.eye(n) + V.T @ V, both))
+            spread = ca.inv(J.T @ ca.solve(covariance, J))
         return 0.5 * (ca.log(spread[0, 0]) + ca.log(spread[1, 1]))
+
+
+def _residual_noise(impulses: NoisyImpulses, ages: Matrix, weights: Matrix) -> Matrix:
+    """Residuals at nodes, (p, nodes, nodes p), of unit noise at nodes: direct, and through K.
+
+    Both are times the root of the node's weight, residuals in units of their own noise. What noise
+    of an age makes of the residual jumps there: a node's own counts half.
+    """
+    (p, n), count, roots = impulses.window.C.shape, len(ages), np.sqrt(impulses.intensity)
+    since = ages - ages[:, None]
+    flows = expm(impulses.window.D * np.maximum(since, 0.0).reshape(-1, 1, 1))
+    through = (impulses.window.C @ flows.reshape(-1, n, n) @ impulses.K) * roots / roots[:, None]
+    share = np.where(since > 0, 1.0, np.where(since == 0, 0.5, 0.0))
+    share *= np.sqrt(weights * weights[:, None])
+    noise = -through.reshape(count, count, p, p) * share[:, :, None, None]
+    noise[np.arange(count), np.arange(count)] += np.eye(p)
+    return np.asarray(noise.transpose(2, 0, 1, 3).reshape(p, count, count * p))
 
 
 def _orthonormal(ca: Expression, X: Expression) -> tuple[Expression, Expression]:

@@ -12,6 +12,7 @@ from obsdesign.equations.impulsive_input.sampling import longest_period, rounded
 from obsdesign.errors import InputError
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.impulsive_input.samples import reason_against_samples
 
 _LEAST_WINDOW_SAMPLES = 12  # samples of a window
 _MOST_WINDOW_SAMPLES = 32  # samples of a window of operator `samples`: more only take time
@@ -46,7 +47,7 @@ def reason_against_integrals(problem: Problem, D: Matrix, window: float) -> str 
     return None
 
 
-def reason_for_samples(problem: Problem, window: float, weighting: str) -> str | None:
+def reason_for_samples(problem: Problem, window: float) -> str | None:
     """Return why `samples` is chosen in noise where the output jumps with an impulse, or None.
 
     None also where `samples` cannot work, since the problem leaves the operator open.
@@ -55,10 +56,9 @@ def reason_for_samples(problem: Problem, window: float, weighting: str) -> str |
     if not operator_is_open(problem):
         return None
     H = problem.require("jump.H")
-    refused = weighting == "plain" or options.margin is not None or H.shape[1] > 1
-    refused |= options.state_correction is False
     samples = (options.window or 0.0) / plant.output.sample_period
-    if refused or not H.any() or abs(samples - round(samples)) > 1e-6:
+    refused = reason_against_samples(problem) is not None or not H.any()
+    if refused or abs(samples - round(samples)) > 1e-6:
         return None
     share = jump_share(plant.flow.A, plant.output.C, H, window)
     if share < _LEAST_JUMP_SHARE:

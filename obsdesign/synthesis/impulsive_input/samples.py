@@ -27,7 +27,9 @@ def sampled_candidates(
     samples need not determine the state.
     """
     options = problem.options_as(ImpulsiveInputOptions)
-    _check(problem, options, reason, longest)
+    if text := reason_against_samples(problem):
+        due = f" It is chosen since {reason}; 'integral' needs an output.period of at most"
+        raise InputError(text if longest is None else f"{text}{due} {longest:g}.")
     period = float(problem.require("output.period"))
     for k, window in enumerate(_windows(options.window, low, period, count)):
         gains = SamplesGains.from_plant(
@@ -45,41 +47,34 @@ def sampled_candidates(
         yield Candidate(f"samples: {reason}{longer}", gains, searched=True)
 
 
-def _check(
-    problem: Problem, options: ImpulsiveInputOptions, reason: str, longest: float | None
-) -> None:
-    """InputError where the operator cannot work."""
-    plant = problem.plant
+def reason_against_samples(problem: Problem) -> str | None:
+    """Return why operator `samples` cannot work, a sentence, or None."""
+    plant, options = problem.plant, problem.options_as(ImpulsiveInputOptions)
     if plant.output.measured != "periodic":
-        raise InputError(
+        return (
             "output.measured must be 'periodic', with a period, for operator 'samples'; got "
             f"{plant.output.measured!r}."
         )
     if options.margin is not None:
-        raise InputError(
-            f"observer.margin belongs to operator 'integral'; 'samples' ({reason}) has no use for "
-            f"it. Leave it out; got {options.margin!r}."
+        return (
+            "observer.margin belongs to operator 'integral'; 'samples' has no use for it. Leave it "
+            f"out; got {options.margin!r}."
         )
     if options.state_correction is False:
-        raise InputError(
-            "observer.state_correction = false belongs to operator 'integral': 'samples' "
-            f"({reason}) always corrects the state. Leave it out."
+        return (
+            "observer.state_correction = false belongs to operator 'integral': 'samples' always "
+            "corrects the state. Leave it out."
         )
     H = problem.require("jump.H")
     if H.shape[1] > 1:
-        raise InputError(
-            f"jump.H must have one column for operator 'samples'; it has {H.shape[1]}."
-        )
-    other = " Or sample faster: operator 'integral' needs an output.period of at most"
-    other = "" if longest is None else f"{other} {longest:g}."
+        return f"jump.H must have one column for operator 'samples'; it has {H.shape[1]}."
     silent = np.flatnonzero((plant.output.noise_std == 0) & (plant.output.noise_cv == 0))
     if len(silent):
-        raise InputError(
-            f"output.noise_std must be > 0 for operator 'samples' ({reason}); got 0 for "
-            f"output {silent[0] + 1}.{other}"
-        )
+        place = f"output {silent[0] + 1}"
+        return f"output.noise_std must be > 0 for operator 'samples'; got 0 for {place}."
     if options.weighting == "plain":
-        raise InputError("observer.weighting must be 'gls' for operator 'samples'; got 'plain'.")
+        return "observer.weighting must be 'gls' for operator 'samples'; got 'plain'."
+    return None
 
 
 def _windows(window: float | None, low: float, period: float, count: int) -> list[float]:

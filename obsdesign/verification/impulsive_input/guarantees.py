@@ -59,9 +59,12 @@ def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str
     noisy = bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
     if (options.weighting or ("gls" if noisy else "plain")) == "gls":
         signs = "Negative weights are not looked for. " if options.nonnegative else ""
+        place = "that holds one impulse"
+        if _KNOWN_INTEGRALS not in absent:  # samples, whose claim is about the first interval
+            place = "that holds one impulse, between its first two samples,"
         return (
             f"Without noise and {absent}, and up to what is left of the initial error, the record "
-            f"of a window that holds one impulse determines its time and weight{between}. "
+            f"of a window {place} determines its time and weight{between}. "
             f"{signs}What is reported is an estimate that allows for the stated noise, with its "
             "deviation: without noise too it is not exact, and an impulse that noise could explain "
             "is not reported."

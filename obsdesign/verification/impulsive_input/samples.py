@@ -258,8 +258,10 @@ def _uniqueness(A: Exact, H: Exact, h: float) -> Verdict:
         return refuted({"vector": [0.0] * len(H), "reason": reason, "of_all_gains": True})
     if real_spectrum(A):
         return proved(method="jump.H is no eigenvector of flow.A, whose spectrum is real")
-    skew = (A - A.T) * exact(np.array(0.5)).item()
-    turning = max(sum(abs(x) for x in row) for row in skew.tolist())
-    if turning * exact(np.array(h)).item() < 3:  # |Im mu| h < pi: logarithms are unique
+    # all |Im mu| h < pi, so that logarithms are unique: of i A, as a real matrix, no mode grows by
+    # pi / h or more, whatever the units of the states
+    n, limit = len(A), rational(math.pi) / rational(h)
+    turned = np.block([[exact(np.zeros((n, n))), -A], [A, exact(np.zeros((n, n)))]])
+    if prove_hurwitz(turned - exact(np.eye(2 * n)) * limit).outcome == "proved":
         return proved(method="jump.H is no eigenvector of flow.A, and no mode turns by pi")
     return undecided("modes of flow.A may turn by more than half a circle between two samples")

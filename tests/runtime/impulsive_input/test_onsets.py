@@ -10,6 +10,7 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import from_design
+from obsdesign.runtime.impulsive_input.whitening import log_evidence
 from tests.systems.impulsive_input import record
 
 ONE = ([[-0.7]], [[1.0]], [[1.0]])
@@ -73,6 +74,36 @@ def test_errors_are_about_their_deviations(
         assert deviation < 0.15 * period
     else:
         assert deviation == pytest.approx(period / math.sqrt(12), rel=0.03)
+
+
+@pytest.mark.parametrize(("speed", "count"), [(-0.5, 40), (-15.0, 40), (-25.0, 40)])
+@pytest.mark.parametrize("options", [{}, {"nonnegative": True}])
+def test_onsets_are_in_the_middle_however_fast_a_compartment_is(
+    speed: float, count: int, options: dict[str, Any]
+) -> None:
+    """Up to five time constants between samples; a flat prior of weights put them .3 h early."""
+    period, matrices = 0.2, ([[speed]], [[1.0]], [[1.0]])
+    body = plant(matrices, 0.001, period, **options)
+    body["jump"]["dwell_time"] = [2.0, "inf"]
+    scores, events, operator = errors_of(body, count)
+    assert operator == "samples"
+    deviation = [event.t_std for event in events]
+    np.testing.assert_allclose(deviation, period / math.sqrt(12), rtol=1e-3)
+    assert (np.sqrt((scores**2).mean(axis=0)) < 1.3).all()
+    assert abs(scores[:, 0].mean()) < 0.5
+
+
+@pytest.mark.parametrize("response", [0.1, 1.0, 30.0])
+def test_the_evidence_of_an_onset_is_that_over_all_sizes_of_a_weight(response: float) -> None:
+    """int N(y; g s, 1) dg / |g| for unit noise: the same whatever weight an onset would take."""
+    # even steps of log g are dg / g
+    logs, weights = [], np.geomspace(1e-3, 1e3, 200_001)
+    for y in (6.0, 9.0):
+        likelihood = np.exp(-((y - weights * response) ** 2) / 2)
+        logs.append(math.log(likelihood.sum()) + y**2 / 2)
+    # its slope: the constant, and what a weight of nothing has, are no matter of the onset
+    expected = log_evidence(np.array([36.0, 81.0]), 1)
+    assert logs[1] - logs[0] == pytest.approx(expected[1] - expected[0], abs=0.03)
 
 
 def test_a_dwell_time_is_not_short_by_what_samples_do_not_show() -> None:

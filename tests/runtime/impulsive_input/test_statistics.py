@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 from scipy.stats import chi2
 
 from obsdesign.equations.impulsive_input import deviations
@@ -17,12 +16,10 @@ from obsdesign.runtime.impulsive_input import whitening
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History, short_dwell
 from obsdesign.runtime.impulsive_input.integral import covariance, recursions
-from obsdesign.runtime.impulsive_input.integral.addition import compared
 from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
-from obsdesign.runtime.impulsive_input.integral.evaluate import Decision
 from obsdesign.runtime.impulsive_input.integral.search import Rule, Search, smoothed
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine, _event
-from obsdesign.runtime.impulsive_input.samples.filter import square_root, triangular
+from obsdesign.runtime.impulsive_input.samples.filter import triangular
 from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
 
 TAPS = window_taps(np.array([-2.0, -0.5, 1.0]), np.linspace(0, 1.5, 16))
@@ -30,6 +27,11 @@ TAPS = window_taps(np.array([-2.0, -0.5, 1.0]), np.linspace(0, 1.5, 16))
 
 def spread(p: int = 2) -> np.ndarray:
     return np.random.default_rng(0).uniform(0.5, 2.0, (16, p))
+
+
+def covariance_of(taps: np.ndarray, s: np.ndarray) -> np.ndarray:
+    blocks = [taps.T @ np.diag(column**2) @ taps for column in s.T]
+    return np.kron(np.diag([1.0, 0.0]), blocks[0]) + np.kron(np.diag([0.0, 1.0]), blocks[1])
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 10, 300])
@@ -41,17 +43,10 @@ def test_the_chi_squared_limit_is_its_quantile(freedom: int) -> None:
 def test_whitened_features_have_unit_covariance() -> None:
     s, error = spread(), np.random.default_rng(1).standard_normal((16, 2))
     R, T = whitening.whitened(TAPS, error, s)
-    N = whitening.noise_covariance(TAPS, s)
+    N = covariance_of(TAPS, s)
     plain = np.concatenate([TAPS.T @ error[:, j] for j in range(2)])
     np.testing.assert_allclose(R, T @ plain, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(T @ N @ T.T, np.eye(6), atol=1e-9)
-    for j in range(2):
-        expected = TAPS.T @ np.diag(s[:, j] ** 2) @ TAPS
-        part = slice(3 * j, 3 * j + 3)
-        np.testing.assert_allclose(N[part, part], expected, rtol=1e-12)
-    assert (N[:3, 3:] == 0).all()
-    largest = max(np.linalg.norm(TAPS * s[:, j, None], 2) for j in range(2))
-    assert whitening.feature_deviation(TAPS, s) == largest
     # features that are the same twice count once
     double = np.hstack([TAPS, TAPS[:, :1]])
     assert len(whitening.whitened(double, error, s).R) == 6
@@ -70,13 +65,10 @@ def test_roots_of_covariances() -> None:
     rng = np.random.default_rng(3)
     V, X = rng.standard_normal((4, 3)), rng.standard_normal((3, 3))
     P = X @ X.T
-    root = deviations.root_of_sum(V, P)
-    np.testing.assert_allclose(root @ root.T, np.eye(4) + V @ P @ V.T, rtol=1e-10, atol=1e-12)
-    assert (np.triu(root, 1) == 0).all()
     units = np.array([1e-9, 1.0, 1e9])
-    F = square_root(P * units * units[:, None])
+    F = deviations.square_root(P * units * units[:, None])
     np.testing.assert_allclose(F @ F.T / units / units[:, None], P, rtol=1e-9, atol=1e-9)
-    assert (square_root(np.zeros((2, 2))) == 0).all()
+    assert (deviations.square_root(np.zeros((2, 2))) == 0).all()
     L = triangular(V)
     np.testing.assert_allclose(L @ L.T, V @ V.T, atol=1e-12)
     wide = triangular(V.T)
@@ -85,24 +77,23 @@ def test_roots_of_covariances() -> None:
     assert (np.diag(wide) >= 0).all()
 
 
-def test_a_covariance_grows_as_its_equation_says() -> None:
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 16])
+def test_a_covariance_grows_from_sample_to_sample(count: int) -> None:
+    """e+ = E e - older v - newer v+ one by one; P is without the noise of the row's own sample."""
     rng = np.random.default_rng(4)
-    D = rng.standard_normal((2, 2)) - 2 * np.eye(2)
-    K = rng.standard_normal((2, 1))
-    run: Any = SimpleNamespace(D=D, gains=SimpleNamespace(K=K, n=2))
-    times, s, elapsed = np.linspace(3.0, 3.6, 7), np.full((7, 1), 0.5), 0.9
-    Q = 0.25 * 0.1 * K @ K.T
-    steps, P = 20_000, np.array([[2.0, 0.3], [0.3, 1.0]])
-    grown = P
-    for _ in range(steps):  # P' = D P + P D' + K Q K'
-        grown = grown + elapsed / steps * (D @ grown + grown @ D.T + Q)
-    values = covariance.propagated(run, P, elapsed, times, s)
-    np.testing.assert_allclose(values, grown, rtol=1e-3, atol=1e-4)
-    added = covariance.added_by_noise(run, elapsed, times, s)
-    flow = expm(D * elapsed)
-    np.testing.assert_allclose(values - flow @ P @ flow.T, added, atol=1e-12)
-    assert (added == added.T).all()
-    assert np.linalg.eigvalsh(added).min() > 0
+    E, newer, older = (rng.standard_normal(shape) / 2 for shape in ((2, 2), (2, 1), (2, 1)))
+    maps, lengths = SimpleNamespace(error=E, newer=newer, older=older), list[float]()
+    run: Any = SimpleNamespace(step_maps=lambda h: lengths.append(h) or maps)
+    times, s, P = 0.1 * np.arange(30, 37), np.full((7, 1), 0.5), np.array([[2.0, 0.3], [0.3, 1.0]])
+    # coefficients of P's root and of every sample in the error, the last sample's own excluded
+    sources = np.hstack([np.linalg.cholesky(P), np.zeros((2, count))])
+    for k in range(count):
+        sources[:, 2 + k] -= 0.5 * newer[:, 0]
+        sources = E @ sources
+        sources[:, 2 + k] -= 0.5 * older[:, 0]
+    values = covariance.propagated(run, P, 0.1 * count, times, s)
+    np.testing.assert_allclose(values, sources @ sources.T, rtol=1e-12)
+    assert lengths == pytest.approx([0.1] * min(count, 1))
 
 
 @pytest.mark.parametrize("rows", [1, 2, 5, 16, 17])
@@ -248,7 +239,7 @@ def test_a_peak_fires_when_it_was_left_behind() -> None:
 def test_one_kernel_is_whitened_too() -> None:
     s, error = spread(), np.random.default_rng(1).standard_normal((16, 2))
     R, T = whitening.whitened(TAPS[:, :1], error, s)
-    N = whitening.noise_covariance(TAPS[:, :1], s)
+    N = covariance_of(TAPS[:, :1], s)
     np.testing.assert_allclose(T @ N @ T.T, np.eye(2), atol=1e-9)
     assert R.shape == (2,)
 
@@ -264,27 +255,6 @@ def test_an_onset_in_one_cell_of_a_grid_may_be_anywhere_in_it(step: float) -> No
     assert (event.t, event.weights.tolist()) == (step, [7.0])
     assert event.t_std == pytest.approx(step / 12**0.5)
     assert event.weights_std.tolist() == pytest.approx([0.5])
-
-
-@pytest.mark.parametrize(
-    ("size", "noisy", "doubted"), [(1.0, True, False), (3.0, True, True), (1e-9, False, True)]
-)
-def test_a_residual_that_noise_does_not_explain_is_a_misfit(
-    size: float, noisy: bool, doubted: bool
-) -> None:
-    """Whatever is left beside the impulse, here all of it, against the noise that is stated."""
-    sigma, rows = 0.2, 50
-    error = size * sigma * np.random.default_rng(2).standard_normal((rows, 1))
-    none: Any = SimpleNamespace(
-        gains=SimpleNamespace(H=np.ones((2, 1)), C=np.ones((1, 2))),
-        impulse_error=lambda t, *_: np.zeros((len(t), 2)),
-    )
-    window: Any = SimpleNamespace(
-        t=np.arange(50.0), error=error, spread=np.full((rows, 1), sigma if noisy else 0.0)
-    )
-    event = Event(t=0.0, weights=np.ones(1), t_std=None, weights_std=None)
-    decision = Decision(event=event, fit=event, correction=np.zeros(2))
-    assert bool(compared(none, decision, window).doubts) is doubted
 
 
 def test_a_row_that_all_but_ends_a_window_is_its_last_one() -> None:

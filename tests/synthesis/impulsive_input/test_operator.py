@@ -279,3 +279,32 @@ def test_the_promise_is_relative_to_the_whole_output() -> None:
         run = from_design(design).run_batch(t, x[:, 2:], u, x=[0, 0, 0])
         assert len(run.events) == wanted
         assert run.events[-1].t == pytest.approx(70, abs=1e-4 if wanted == 2 else 0.05)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"H": [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]}, {"weighting": "plain"}, {"margin": 0.5},
+     {"state_correction": False}],
+    ids=str,
+)  # fmt: skip
+def test_an_operator_that_nobody_chose_is_not_named_alone(changes: dict[str, Any]) -> None:
+    """Integrals do with a window of few samples where samples as they are cannot."""
+    options, given = dict(changes), [[1.0], [0.0], [0.0]]
+    body: dict[str, Any] = {
+        "flow": {"A": [[-0.7, 0, 0], [1, -1.2, 0], [0, 1, -0.3]]},
+        "jump": {"H": options.pop("H", given), "dwell_time": [5, "inf"]},
+        "output": {"C": [[1, 0, 0], [0, 0, 1]], "noise_std": [0.01, 0.01], "measured": "periodic"},
+        "observer": {"kind": "impulsive_input", **options},
+    }
+    body["output"]["period"] = 0.4
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert design.gains["operator"] == "integral"
+    # the twin: samples so far apart that integrals cannot either; both operators are named
+    body["output"]["period"] = 0.8
+    with pytest.raises(obsdesign.InputError) as refusal:
+        obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert "'samples'" in str(refusal.value)
+    assert "It is chosen since the fastest mode of A - K C times the period is" in str(
+        refusal.value
+    )
+    assert "'integral' needs an output.period of at most 0." in str(refusal.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from pathlib import Path
 from typing import Any
 
@@ -315,3 +316,30 @@ def test_directions_are_shown_with_their_largest_entry_one() -> None:
     assert shown([1.0, 3.0]) == "[0.3333, 1]"
     assert shown([0.0, 0.0]) == "[0, 0]"
     assert shown([]) == "[]"
+
+
+def test_samples_determine_an_impulse_in_the_first_interval_alone() -> None:
+    """Later in a window of two samples other impulses leave the same two."""
+
+    def y(since: float) -> float:
+        return math.exp(-since) - 3 * math.exp(-3 * since)
+
+    body: dict[str, Any] = {
+        "flow": {"A": [[-1.0, 0], [0, -3.0]]},
+        "jump": {"H": [[1.0], [1.0]], "dwell_time": [2.1, "inf"]},
+        "output": {"C": [[1.0, -3.0]], "noise_std": [1e-4], "measured": "periodic", "period": 1.0},
+        "observer": {"kind": "impulsive_input"},
+    }
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert (design.gains["operator"], design.gains["window"]) == ("samples", 2.0)
+    first = 1 - math.log(3) / 2  # leaves nothing at the first sample
+    assert y(1 - first) == pytest.approx(0, abs=1e-12)
+    assert y(2 - first) / y(2 - 1.2) > 1  # a weight that the guarantee must not exclude at 1.2
+    assert "that holds one impulse, between its first two samples, determines" in (
+        design.guarantees[0].statement
+    )
+    # the twin: integrals of y
+    body["observer"]["operator"] = "integral"
+    body["output"]["period"] = 0.05
+    statement = obsdesign.design(obsdesign.Problem.from_dict(body)).guarantees[0].statement
+    assert "of a window that holds one impulse determines its time and weight" in statement

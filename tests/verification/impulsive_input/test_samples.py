@@ -49,6 +49,24 @@ def test_modes_that_turn_by_half_a_circle_between_samples(h: float, outcome: str
     assert _uniqueness(exact(turn), exact([[1.0], [0.0]]), h).outcome == outcome
 
 
+@pytest.mark.parametrize("units", [1e-6, 0.1, 1.0, 100.0, 2.0**40])
+@pytest.mark.parametrize(
+    ("A", "h", "outcome"),
+    [([[0.0, 1.0], [-4.0, -0.4]], 0.2, "proved"), ([[0.0, 1.0], [-4.0, -0.4]], 1.57, "proved"),
+     ([[0.0, 1.0], [-4.0, -0.4]], 1.59, "undecided"),
+     ([[-3.0, 2.0, 0.5], [-2.0, -3.0, 8.0], [0.0, 0.0, -1.0]], 1.5, "proved"),
+     ([[-3.0, 2.0, 0.5], [-2.0, -3.0, 8.0], [0.0, 0.0, -1.0]], 1.6, "undecided")],
+)  # fmt: skip
+def test_units_of_the_states_do_not_decide(
+    units: float, A: list[list[float]], h: float, outcome: str
+) -> None:
+    """An oscillator that turns by |Im mu| h, whatever its speed is measured in."""
+    scale = np.array([1.0, units, units**0.5])[: len(A)]
+    scaled = np.array(A) * scale[:, None] / scale
+    H = exact(np.array([[0.0], [1.0], [1.0]])[: len(A)] * scale[:, None])
+    assert _uniqueness(exact(scaled), H, h).outcome == outcome
+
+
 def test_as_many_samples_as_are_asked_for_are_enough() -> None:
     D = exact([[-0.1]])
     gains: Any = SimpleNamespace(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.exponential import expm, exponential_grid
-from obsdesign.equations.impulsive_input.deviations import error_growth
+from lmi.arithmetic.exponential import exponential_grid
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 
 
@@ -28,14 +27,21 @@ def first_covariance(run: FreeRun, y: Matrix, x: Matrix) -> Matrix:
 
 
 def propagated(run: FreeRun, P: Matrix, elapsed: float, times: Matrix, spread: Matrix) -> Matrix:
-    """P after a time, by P' = D P + P D' + K Q K'; Q: noise of samples times their spacing."""
-    flow = expm(run.D * elapsed)
-    return flow @ P @ flow.T + added_by_noise(run, elapsed, times, spread)
+    """P after a time, from sample to sample, by P+ = E P E' + G N G'; by doubling.
 
-
-def added_by_noise(run: FreeRun, elapsed: float, times: Matrix, spread: Matrix) -> Matrix:
-    """Growth of P by noise through K in a time: P_inf - e^{D t} P_inf e^{D' t}."""
-    D, K = run.D, run.gains.K
-    spacing = (times[-1] - times[0]) / max(len(times) - 1, 1)
-    Q = K @ np.diag((spread**2).mean(axis=0) * spacing) @ K.T
-    return error_growth(D, Q, elapsed)
+    Spacing and variance N of the samples are the means of a window, times (rows,), spread (rows,
+    p). P is that of the error without the noise of the row's own sample: that one acts through
+    `newer` of the step to the row and `older` of the step from it, G = E newer + older.
+    """
+    spacing = float(times[-1] - times[0]) / max(len(times) - 1, 1)
+    count = round(elapsed / spacing)
+    if count < 1:
+        return P
+    maps = run.step_maps(elapsed / count)
+    gain = (maps.error @ maps.newer + maps.older) * np.sqrt((spread**2).mean(axis=0))
+    flow, added = maps.error, gain @ gain.T  # of 1, 2, 4, ... steps
+    while count:
+        if count % 2:
+            P = flow @ P @ flow.T + added
+        added, flow, count = flow @ added @ flow.T + added, flow @ flow, count // 2
+    return np.asarray((P + P.T) / 2)

@@ -23,7 +23,6 @@ from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, smoothed
 from obsdesign.runtime.impulsive_input.whitening import (
-    feature_deviation,
     noise_deviation,
     whitened,
 )
@@ -132,7 +131,9 @@ class IntegralEngine:
     def _prepared(self, live: IntegralLive) -> IntegralLive:
         """Rule and covariance for a search that begins, from its first window."""
         window, gains = self._window(live.track, 0), self.run.gains
-        sigma = feature_deviation(window.taps, window.spread) if window.spread.any() else 0.0
+        known = np.zeros((gains.n, gains.n))  # of noise alone
+        noise = self.evaluator.responses(window).sources(known, window.spread)
+        sigma = float(np.linalg.norm(noise, 2)) if window.spread.any() else 0.0
         noisy = sigma > 0
         size = float(np.linalg.norm(window.taps.T @ window.y))
         before = 0.0 if noisy else _AFTER_FLOOR * live.largest
@@ -196,12 +197,13 @@ class IntegralEngine:
     def _decision(self, live: IntegralLive, window: Window) -> Decision | None:
         """The impulse of a window, None where nothing counts."""
         search, P = live.scan.search, live.covariance
-        if self.evaluator.gls and P is not None:
-            elapsed = max(float(window.t[0]) - live.since, 0.0)
-            P = propagated(self.run, P, elapsed, window.t, window.spread)
+        P = np.zeros((self.run.gains.n, self.run.gains.n)) if P is None else P
+        elapsed = max(float(window.t[0]) - live.since, 0.0)
+        P = propagated(self.run, P, elapsed, window.t, window.spread)
+        if self.evaluator.gls:
             return self.evaluator.weighted(window, P, search.at_start)
         R = self.run.features(live.track, search.top, search.top + 1)[0]
-        decision = self.evaluator.plain(R, window, search.at_start)
+        decision = self.evaluator.plain(R, window, P, search.at_start)
         if decision is None:
             return None
-        return replace(decision, event=compared(self.run, decision, window))
+        return replace(decision, event=compared(self.run, decision, window, P))

@@ -1,8 +1,7 @@
 """Step 2 at run time: an impulse from one window, with its deviations.
 
-plain: the paper's (18). gls: the features are whitened (`whitening`), and the error e(t_o), of
-covariance P, is part of the noise: R = V e(t_o) + b g + v has covariance I + V P V'. Both go
-beyond the paper.
+plain: the paper's (18). gls: the features are whitened, with the error e(t_o), of covariance P, and
+the samples' noise through K as parts of the noise (`window_noise`). Both go beyond the paper.
 """
 
 from __future__ import annotations
@@ -15,12 +14,12 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
+from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
-from obsdesign.equations.impulsive_input.deviations import root_of_sum
+from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.features import (
     feature_scales,
     filtered_system,
-    window_matrix,
     window_taps,
 )
 from obsdesign.equations.impulsive_input.fit import (
@@ -33,12 +32,12 @@ from obsdesign.equations.impulsive_input.fit import (
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
-from obsdesign.runtime.impulsive_input.integral.onsets import OnsetGrid, Posterior, expected
+from obsdesign.runtime.impulsive_input.integral.onsets import OnsetGrid, expected
+from obsdesign.runtime.impulsive_input.integral.window_noise import Responses, WindowNoise
 from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
     Weighted,
     chi_squared_limit,
-    noise_covariance,
     whitened,
 )
 
@@ -50,17 +49,17 @@ _MAX_MISFIT_SHARE = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Result of a window: an event, the correction at t_o (n,), P after.
+    """Result of a window: an event, the correction of the estimates, P after.
 
     fit: time and weights that explain the features best, which the estimate takes in; the event has
-    their means. covariance: of the error at the end of the window, None without tracking. cost,
-    freedom: what the fit leaves of whitened features, chi-squared of so many degrees of freedom; 0
-    without.
+    their means. correction (rows, n): of the estimates of the window beside it. covariance: of the
+    error at its last row, None without noise. cost, freedom: what the fit leaves of whitened
+    features, chi-squared of so many degrees of freedom; 0 without.
     """
 
     event: Event
     fit: Event
-    correction: Matrix
+    correction: Matrix | None = None
     covariance: Matrix | None = None
     cost: float = 0.0
     freedom: int = 0
@@ -82,10 +81,9 @@ class Window:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """A free run, V = V(tau) (p m, n), and what impulses of all ages leave in the features."""
+    """A free run, and what impulses of all ages leave in the features."""
 
     run: FreeRun
-    V: Matrix
     curve: ImpulseCurve
 
     @classmethod
@@ -93,9 +91,9 @@ class Evaluator:
         """The evaluation of windows along a free run."""
         C, exponents, tau = run.gains.C, run.gains.exponents, run.tau
         scales = feature_scales(exponents, tau)
-        F = filtered_system(run.D, C, exponents, scales)
-        V = window_matrix(run.D, C, exponents, tau, scales)
-        return cls(run, V, ImpulseCurve.from_system(F, run.gains.H, tau))
+        D = flow_error_matrix(run.gains.A, run.gains.K, C)
+        F = filtered_system(D, C, exponents, scales)
+        return cls(run, ImpulseCurve.from_system(F, run.gains.H, tau))
 
     @property
     def gains(self) -> IntegralGains:
@@ -138,37 +136,46 @@ class Evaluator:
         exponents = self.gains.exponents
         return window_taps(exponents, times) * feature_scales(exponents, self.run.tau)
 
-    def plain(self, R: Matrix, window: Window, at_start: bool) -> Decision | None:
+    def responses(self, window: Window) -> Responses:
+        """What states and samples of a window leave in its features and at its end."""
+        return Responses.from_run(self.run, window.t, window.taps)
+
+    def plain(self, R: Matrix, window: Window, P: Matrix, at_start: bool) -> Decision | None:
         """Evaluate features R (p m,) of a window by the plain norm; None: nothing that counts.
 
-        at_start: only a good fit counts.
+        P (n, n): covariance of the error at t_o, which deviations alone count. at_start: only a
+        good fit counts.
         """
         unit = window.spread if window.spread.all() else np.ones_like(window.spread)
-        alike = whitened(window.taps, window.error, unit)
-        impulse = self._fitted(window, Weighted(R, np.eye(len(R))), alike)
+        alike, responses = whitened(window.taps, window.error, unit), self.responses(window)
+        impulse = self._fitted(window, responses, Weighted(R, np.eye(len(R))), alike)
         if impulse is None:
             return None
-        noisy = bool(window.spread.any())
+        noisy, root = bool(window.spread.any()), square_root(P)
         if at_start:
             allowed = _MAX_MISFIT_SHARE**2 * float(R @ R)
             if noisy:
-                N = noise_covariance(window.taps, window.spread)
+                sources = responses.sources(root, window.spread)
+                N = sources.T @ sources
                 allowed += float(np.trace(N)) + Z_SCORE * math.sqrt(2 * float((N * N).sum()))
             if impulse.cost > allowed or not impulse.inside:
                 return None
         event = Event(t=self._time(window, impulse), weights=impulse.weights)
-        posterior = self._plain_posterior(R, window, impulse) if noisy else None
-        return Decision(
-            event=expected(event, posterior), fit=event, correction=np.zeros(self.gains.n)
-        )
+        if not noisy:
+            return Decision(event=event, fit=event)
+        back = self._plain_inverse(impulse)
+        noise = WindowNoise.from_features(Weighted(back @ R, back), responses, root, window.spread)
+        return self._decided(window, noise, event)
 
     def weighted(self, window: Window, P: Matrix, at_start: bool) -> Decision | None:
         """Evaluate whitened features of a window; P (n, n): covariance of the error at t_o."""
-        R, T = whitened(window.taps, window.error, window.spread)
-        V = T @ self.V
-        half = root_of_sum(V, P)
-        R, T, V = (np.asarray(np.linalg.solve(half, part)) for part in (R, T, V))
-        impulse = self._fitted(window, Weighted(R, T))
+        features, responses = (
+            whitened(window.taps, window.error, window.spread),
+            self.responses(window),
+        )
+        noise = WindowNoise.from_features(features, responses, square_root(P), window.spread)
+        R = noise.features.R
+        impulse = self._fitted(window, responses, noise.features)
         if impulse is None or impulse.gain <= _LEAST_GAIN:
             return None
         freedom = len(R) - 1 - len(impulse.weights)
@@ -180,51 +187,50 @@ class Evaluator:
             weights=impulse.weights,
             doubts=() if impulse.cost <= limit else (MISFIT,),
         )
-        grid = self._grid(window, Weighted(R, T))
-        posterior = grid.posterior(event.t)
-        flow, gain = expm(self.run.D * self.run.tau), np.zeros_like(V.T)
-        correction = np.zeros(self.gains.n)
+        correction = None
         if self.gains.state_correction:
-            gain = P @ V.T
-            correction = gain @ (R - impulse.b @ impulse.weights)
-            P = P - gain @ gain.T
-        after, corrected = flow @ P @ flow.T, flow @ gain
+            start, samples = noise.sources(R - impulse.b @ impulse.weights)
+            correction = self.run.smoothing(window.t, start, samples)
+        decision = self._decided(window, noise, event, correction)
+        return replace(decision, cost=impulse.cost, freedom=freedom)
+
+    def _decided(
+        self, window: Window, noise: WindowNoise, fit: Event, correction: Matrix | None = None
+    ) -> Decision:
+        """The decision with the posterior of the onset, and of the error it leaves."""
+        grid = OnsetGrid(
+            run=self.run, times=window.t, features=noise.features, responses=noise.responses,
+            youngest=self.gains.margin, oldest=self.oldest, nonnegative=self.nonnegative,
+        )  # fmt: skip
+        posterior = grid.posterior(fit.t)
+        after = noise.covariance()
         if posterior is not None:
-            left = grid.left_by(event.t, event.weights, corrected)
-            after = after + posterior.error_covariance(corrected, left)
+            left = grid.left_by(fit.t, fit.weights) - noise.gain @ noise.features.R
+            left = left if correction is None else left + correction[-1]
+            after = after + posterior.error_covariance(noise.gain, left)
         return Decision(
-            event=expected(event, posterior), fit=event, correction=correction,
-            covariance=(after + after.T) / 2, cost=impulse.cost, freedom=freedom,
-        )  # fmt: skip
+            event=expected(fit, posterior), fit=fit, correction=correction, covariance=after
+        )
 
-    def _grid(self, window: Window, features: Weighted) -> OnsetGrid:
-        """Onsets in a window whose features have unit noise."""
-        return OnsetGrid(
-            run=self.run, times=window.t, features=features,
-            shown=self.run.onset_features(window.t, window.taps), youngest=self.gains.margin,
-            oldest=self.oldest, nonnegative=self.nonnegative,
-        )  # fmt: skip
-
-    def _plain_posterior(self, R: Matrix, window: Window, impulse: Impulse) -> Posterior | None:
-        """The posterior given what the plain norm makes of features: J^+ R, of unit noise.
+    def _plain_inverse(self, impulse: Impulse) -> Matrix:
+        """J^+, (1 + q, p m): what the plain norm makes of features.
 
         J: of the smooth curve, which tells age from weights where those between two samples do not.
         """
         b = self.curve.value(impulse.age)
         J = np.column_stack([(self.curve.F @ b)[self.curve.n :] @ impulse.weights,
                              b[self.curve.n :]])  # fmt: skip
-        back, m = left_inverse(J), window.taps.shape[1]
-        parts = [window.spread[:, j, None] * (window.taps @ back[:, j * m : (j + 1) * m].T)
-                 for j in range(self.gains.p)]  # fmt: skip
-        root = np.asarray(np.linalg.qr(np.vstack(parts), mode="r"))
-        T = np.asarray(np.linalg.solve(root.T, back))
-        return self._grid(window, Weighted(T @ R, T)).posterior(self._time(window, impulse))
+        return left_inverse(J)
 
     def _time(self, window: Window, impulse: Impulse) -> float:
         return float(window.t[0]) + self.run.tau - impulse.age
 
     def _fitted(
-        self, window: Window, features: Weighted, alike: Weighted | None = None
+        self,
+        window: Window,
+        responses: Responses,
+        features: Weighted,
+        alike: Weighted | None = None,
     ) -> Impulse | None:
         """The best impulse for the features.
 
@@ -239,7 +245,7 @@ class Evaluator:
         )  # fmt: skip
         if impulse is None:
             return None
-        onsets = self.run.onset_features(window.t, window.taps)
+        onsets = responses.onsets
         likely = {int(np.searchsorted(window.t, self._time(window, impulse), "left"))}
         for each in (features,) if alike is None else (features, alike):
             likely |= self._likely_cells(window, each, onsets)

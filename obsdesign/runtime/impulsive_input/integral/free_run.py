@@ -19,12 +19,10 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.impulsive_input.integral.recursions import (
     Run,
     accumulated,
-    doubled,
     integrals_at,
     running_integrals,
 )
@@ -87,11 +85,6 @@ class FreeRun:
         """The free run of a design."""
         return cls(gains, HeldPlant.from_gains(gains))
 
-    @cached_property
-    def D(self) -> Matrix:
-        """A - K C: the error between impulses."""
-        return np.asarray(flow_error_matrix(self.gains.A, self.gains.K, self.gains.C))
-
     @property
     def tau(self) -> float:
         """Length of a window."""
@@ -119,7 +112,7 @@ class FreeRun:
         times = np.concatenate([track.t[-1:], t])
         ys = np.concatenate([track.y[-1:], y])
         forced = np.concatenate([track.forcing[-1:], forcing])
-        runs = self._runs(times)
+        runs = self.runs(times)
         x = self._estimates(runs, ys, forced, track.x[-1])
         error = ys - np.concatenate([track.x[-1:], x]) @ self.gains.C.T
         lams = self.gains.exponents[self._falling]
@@ -151,7 +144,7 @@ class FreeRun:
             stop = min(int(np.searchsorted(track.t, starts[-1] + tau)) + 2, len(track.t))
             times, back = -track.t[first:stop][::-1], error[first:stop][::-1]
             zeros = np.zeros((self.gains.p, len(up)))
-            sums = running_integrals(self._runs(times), back, -up, zeros)
+            sums = running_integrals(self.runs(times), back, -up, zeros)
             sums = np.concatenate([zeros[None], sums])
             near = integrals_at(times, back, sums, -up, -starts)
             far = integrals_at(times, back, sums, -up, -(starts + tau))
@@ -162,7 +155,7 @@ class FreeRun:
         """xhat at all rows but the first, from `at` there, with outputs y and inputs `forced`."""
         x = np.empty((len(y) - 1, self.gains.n))
         for a, b, h in runs:
-            maps = self._maps(h)
+            maps = self.maps(h)
             driven = (
                 y[a:b] @ maps.older.T + y[a + 1 : b + 1] @ maps.newer.T + forced[a:b] @ maps.held.T
             )
@@ -170,54 +163,40 @@ class FreeRun:
             at = x[b - 1]
         return x
 
-    def coasting(self, times: Matrix, since: float, x: Matrix) -> Matrix:
-        """e^{D (t - since)} x at increasing times t, (k, n)."""
-        return self._coasted(self.D, times, since, x)
+    def smoothing(self, times: Matrix, start: Matrix, noise: Matrix) -> Matrix:
+        """Change of xhat at the rows of a window, (k, n), when errors of it are taken away.
+
+        start (n,): error at the first row, without that of its own sample; noise (k, p): of the
+        samples. The last sample acts on the next window.
+        """
+        runs, none = self.runs(times), np.zeros((len(times), self.gains.n))
+        y = np.concatenate([-noise[:-1], 0 * noise[-1:]])
+        first = start + self.maps(runs[0][2]).newer @ y[0]
+        return np.concatenate([first[None], self._estimates(runs, y, none, first)])
 
     def impulse_error(self, times: Matrix, since: float, x: Matrix) -> Matrix:
         """x - xhat at the rows of a window after an impulse that moves the plant by x, (k, n).
 
-        As this observer makes it from samples; close to e^{D (t - since)} x.
+        As this observer makes it from samples; close to e^{(A - K C) (t - since)} x.
         """
         error = np.zeros((len(times), self.gains.n))
         after = times >= since - time_tolerance(self.tau, since)
         if after.any():
-            error[after] = self._coasted(self.gains.A, times[after], since, x)
+            error[after] = self._coasted(times[after], since, x)
         y, nothing = error @ self.gains.C.T, np.zeros_like(error)
-        error[1:] -= self._estimates(self._runs(times), y, nothing, nothing[0])
+        error[1:] -= self._estimates(self.runs(times), y, nothing, nothing[0])
         return error
 
-    def onset_features(self, times: Matrix, taps: Matrix) -> Matrix:
-        """M, (rows, p m, n): features of unit states that appear at a row, as samples show them.
-
-        An impulse v before row c leaves M_c e^{A v} H g; before it, and in the cell that ends at c,
-        the samples do not show it. taps (rows, m) make features of the residual.
-        """
-        C, n, m = self.gains.C, self.gains.n, taps.shape[1]
-        shown = (C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), len(C) * m, n)
-        features, kicks = np.empty_like(shown), np.empty((len(times), n, n))
-        features[-1], kicks[0] = shown[-1], np.eye(n)
-        for a, b, h in reversed(self._runs(times)):
-            maps = self._maps(h)
-            backwards = shown[a:b][::-1].copy()
-            backwards[0] += features[b] @ maps.error
-            features[a:b] = doubled(maps.error.T, backwards)[::-1]
-            kicks[a + 1 : b + 1] = np.eye(n) - maps.newer @ C
-        return features @ kicks
-
-    def kick(self, h: float) -> Matrix:
-        """x - xhat (n, n) at a row, of unit states that appear just before it; h: of the cell."""
-        return np.asarray(np.eye(self.gains.n) - self._maps(h).newer @ self.gains.C)
-
-    def _coasted(self, X: Matrix, times: Matrix, since: float, x: Matrix) -> Matrix:
-        states = np.empty((len(times), len(x)))
-        states[0] = expm(X * float(times[0] - since)) @ x
-        for a, b, h in self._runs(times):
-            flow = expm(X * h)
+    def _coasted(self, times: Matrix, since: float, x: Matrix) -> Matrix:
+        """e^{A (t - since)} x at increasing times t, (k, n)."""
+        A, states = self.gains.A, np.empty((len(times), len(x)))
+        states[0] = expm(A * float(times[0] - since)) @ x
+        for a, b, h in self.runs(times):
+            flow = expm(A * h)
             states[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), states[a])
         return states
 
-    def _runs(self, times: Matrix) -> list[Run]:
+    def runs(self, times: Matrix) -> list[Run]:
         """Runs of cells of the same length, up to the resolution of time stamps."""
         if len(times) < 2:
             return []
@@ -238,11 +217,12 @@ class FreeRun:
         slack = time_tolerance(period, float(np.abs(times[[first, last]]).max()))
         return period if abs(mean - period) <= slack else mean
 
-    def _maps(self, h: float) -> StepMaps:
-        return cached_step(self._steps, h, self._step)
+    def maps(self, h: float) -> StepMaps:
+        """Maps of a step, from the cache if they are there."""
+        return cached_step(self._steps, h, self.step_maps)
 
-    def _step(self, h: float) -> StepMaps:
-        """The residual r = y - C xhat is linear over a step h; r+ depends on xhat+.
+    def step_maps(self, h: float) -> StepMaps:
+        """Maps of a step. The residual r = y - C xhat is linear over a step h; r+ depends on xhat+.
 
         (I + R K C) xhat+ = (e^{A h} - (S - R) K C) xhat + (S - R) K y + R K y+ + S (B u + b_mid),
         S and R the responses to a unit step and a unit ramp.

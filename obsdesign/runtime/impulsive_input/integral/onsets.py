@@ -3,7 +3,8 @@
 Between two samples time and weight of an onset may leave nearly the same, or exactly the same
 where A H g stays in the span of H, while the next sample tells: a deviation linearised in the age
 is then any number. So the likelihood is summed over a grid of onsets, made finer while a few of
-them hold all of it, and wider while its ends still count. Weights have a flat prior.
+them hold all of it, and wider while its ends still count. Weights of every size are equally likely
+before (`log_evidence`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
-from obsdesign.runtime.impulsive_input.whitening import Weighted
+from obsdesign.runtime.impulsive_input.integral.window_noise import Responses
+from obsdesign.runtime.impulsive_input.whitening import Weighted, log_evidence
 
 _POINTS = 80  # intervals of a grid of onsets
 _CELLS = 2.0  # cells between samples on each side of the fit, at first
@@ -69,7 +71,8 @@ class Posterior:
     def error_covariance(self, gain: Matrix, left: Matrix) -> Matrix:
         """E[d d'], (n, n), of d = U g - left, U = states - gain b, at the end of the window.
 
-        gain (n, r): of the state correction, until then; left (n,): U g of the impulse added.
+        gain (n, r): of white features, the error that they make likely; left (n,): what was added
+        to the estimate, less what `gain` makes of the features without any impulse.
         """
         U = self.states - gain @ self.b
         away = np.einsum("gnq,gq->gn", U, self.weights) - left
@@ -81,7 +84,7 @@ class Posterior:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnsetGrid:
-    """Onsets in a window: times (rows,), features and their map, M of `onset_features`.
+    """Onsets in a window: times (rows,), white features and their map, responses to samples.
 
     youngest, oldest: ages that are searched.
     """
@@ -89,7 +92,7 @@ class OnsetGrid:
     run: FreeRun
     times: Matrix
     features: Weighted
-    shown: Matrix
+    responses: Responses
     youngest: float
     oldest: float
     nonnegative: bool
@@ -119,10 +122,9 @@ class OnsetGrid:
             posterior = finer
         return posterior
 
-    def left_by(self, onset: float, weights: Matrix, gain: Matrix) -> Matrix:
-        """(states - gain b) weights of one impulse, (n,)."""
-        b, states = self._responses(np.array([onset]))
-        return np.asarray((states[0] - gain @ b[0]) @ weights)
+    def left_by(self, onset: float, weights: Matrix) -> Matrix:
+        """What an impulse leaves of the error at the end of the window, (n,)."""
+        return np.asarray(self._left(np.array([onset]))[1][0] @ weights)
 
     def _searched(self, onset: float) -> tuple[float, float]:
         """Ends of the cell between samples that holds a fitted onset."""
@@ -134,23 +136,17 @@ class OnsetGrid:
         rows = np.searchsorted(self.times, onsets - _EQUAL_TIMES * self.run.tau)
         return np.clip(rows, 1, len(self.times) - 1)
 
-    def _responses(self, onsets: Matrix) -> tuple[Matrix, Matrix]:
+    def _left(self, onsets: Matrix) -> tuple[Matrix, Matrix]:
         """(b (G, r, q), states (G, n, q)) of impulses of weight 1."""
-        cells, run = self._cells(onsets), self.run
+        cells, gains, shown = self._cells(onsets), self.run.gains, self.responses
         late = np.maximum(self.times[cells] - onsets, 0.0)
-        jumps = expm(run.gains.A * late[:, None, None]) @ run.gains.H
-        rows, place = np.unique(cells, return_inverse=True)
-        left = self.times[0] + run.tau - self.times[rows]
-        widths = self.times[rows] - self.times[rows - 1]
-        kicks = np.array([run.kick(float(width)) for width in widths])
-        flows = expm(run.D * left[:, None, None]) @ kicks
-        b = self.features.T @ self.shown[cells] @ jumps
-        return b, flows[place] @ jumps
+        jumps = expm(gains.A * late[:, None, None]) @ gains.H
+        return self.features.T @ (shown.onsets[cells] @ jumps), shown.states[cells] @ jumps
 
     def _at(self, low: float, high: float) -> Posterior | None:
         """The posterior on an even grid."""
         onsets = np.linspace(low, high, _POINTS + 1)
-        b, states = self._responses(onsets)
+        b, states = self._left(onsets)
         Q, root = np.linalg.qr(b)
         size = np.abs(np.einsum("gqq->gq", root))
         usable = size.min(axis=1) > _LEAST_SHARE * size.max(axis=1)
@@ -162,8 +158,7 @@ class OnsetGrid:
         if not usable.any():
             return None
         ratio = np.where(usable, (onto**2).sum(axis=1), 0.0)
-        with np.errstate(divide="ignore"):
-            log_p = np.where(usable, ratio / 2 - np.log(size).sum(axis=1), -math.inf)
+        log_p = np.where(usable, log_evidence(ratio, b.shape[2]), -math.inf)
         p = np.exp(log_p - log_p.max())
         return Posterior(
             onsets=onsets, ratio=ratio, probability=p / p.sum(), weights=weights,

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate, status_of
 from obsdesign.runtime.impulsive_input.event import (
@@ -38,7 +39,6 @@ from obsdesign.runtime.impulsive_input.samples.filter import (
     Filtered,
     Row,
     SampledPlant,
-    square_root,
 )
 from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, OnsetModel

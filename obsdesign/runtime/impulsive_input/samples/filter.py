@@ -114,11 +114,3 @@ def triangular(columns: Matrix) -> Matrix:
     """Lower triangular L (n, n) with L L' = M M' for M (n, m), its diagonal not negative."""
     L = np.asarray(np.linalg.qr(columns.T, mode="r")).T
     return np.asarray(L * np.where(np.diag(L) < 0, -1.0, 1.0))
-
-
-def square_root(P: Matrix) -> Matrix:
-    """F (n, n) with F F' = P for a covariance P, of units as different as they may be."""
-    sizes = np.sqrt(np.diag(P))
-    sizes = np.where(sizes > 0, sizes, 1.0)
-    values, vectors = np.linalg.eigh(P / sizes / sizes[:, None])
-    return np.asarray(sizes[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

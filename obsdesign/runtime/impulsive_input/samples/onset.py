@@ -26,6 +26,7 @@ from obsdesign.runtime.impulsive_input.samples.filter import (
     SampledPlant,
     triangular,
 )
+from obsdesign.runtime.impulsive_input.whitening import log_evidence
 from obsdesign.runtime.step_cache import cached_step
 
 ONSETS = 40  # per period of the samples
@@ -145,11 +146,10 @@ class Fit:
 
 @dataclass(frozen=True)
 class OnsetModel:
-    """Posterior of onsets; weight_std: prior deviation of weights, inf for none."""
+    """Posterior of onsets; weights of every size are equally likely before (`log_evidence`)."""
 
     plant: SampledPlant
     nonnegative: bool
-    weight_std: float = math.inf
     _grids: OrderedDict[float, tuple[Matrix, Matrix]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
@@ -187,7 +187,7 @@ class OnsetModel:
     def posterior(self, cells: Cells, grid: Grid) -> Fit:
         """Likelihood ratios, and the posterior for onsets that are evenly spaced.
 
-        The likelihood of (onset, g) with eps_o ~ (0, P) part of the noise; g ~ (0, weight_std).
+        The likelihood of (onset, g) with eps_o ~ (0, P) part of the noise.
         """
         cell, states = grid.cell, grid.states
         num = (cells.score[cell] * states).sum(axis=1)
@@ -196,14 +196,18 @@ class OnsetModel:
             num = np.maximum(num, 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(den > 0, num**2 / den, 0.0)
-            d = den + self.weight_std**-2
-            log_p = np.where((den > 0) & ((num > 0) | (not self.nonnegative)),
-                             0.5 * num**2 / d - 0.5 * np.log(d), -math.inf)  # fmt: skip
+            usable = (den > 0) & ((num > 0) | (not self.nonnegative))
+            log_p = np.where(usable, log_evidence(ratio, 1), -math.inf)
         p = np.exp(log_p - log_p.max()) if np.isfinite(log_p).any() else np.ones_like(log_p)
-        weights = np.where(den > 0, num / np.where(d > 0, d, 1.0), 0.0)
+        weights = np.where(den > 0, num / np.where(den > 0, den, 1.0), 0.0)
         cost = float(cells.costs.sum() - ratio.max())
         return Fit(
-            grid=grid, probability=p / p.sum(), weights=weights, precision=d, ratio=ratio, cost=cost
+            grid=grid,
+            probability=p / p.sum(),
+            weights=weights,
+            precision=den,
+            ratio=ratio,
+            cost=cost,
         )
 
     def refined(self, cells: Cells, fit: Fit) -> Fit:
