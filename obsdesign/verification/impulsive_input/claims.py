@@ -79,7 +79,7 @@ def claims(
     A, C = exact(gains.A), exact(gains.C)
     claims = [agreement, window_claims.observable(A, C), window_claims.dwell(gains.window, low)]
     if isinstance(gains, SamplesGains):
-        claims += sampled_claims(gains)
+        claims += sampled_claims(gains, low)
     else:
         if gains.period is not None:
             claims.append(window_samples(gains, gains.period, low))

@@ -69,13 +69,26 @@ class SpeedsPerPeriod:
         }
 
 
-def sampled_claims(gains: SamplesGains) -> tuple[Claim, ...]:
-    """Rank of the samples of a window, and uniqueness of an onset in its first interval."""
+def sampled_claims(gains: SamplesGains, shortest: float) -> tuple[Claim, ...]:
+    """Rank of the samples of a window, and uniqueness of an onset in its first interval.
+
+    shortest: the shortest dwell time. Where the samples of a window, and the one before it, are no
+    more than the unknown numbers, two impulses may look like one: they must not be so close.
+    """
     A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
     h, count = gains.sample_period, gains.window_samples
     rank = _rank(A, C, h, count, first=1)
     mode = _eigenvalue(A, H)
-    onset = _uniqueness(A, H, h) if mode is None else _only_interval(C, H, mode)
+    if mode is not None:
+        onset = _only_interval(C, H, mode)
+    elif (count + 1) * gains.p < gains.n + 2 and (count + 1) * rational(h) > rational(shortest):
+        onset = undecided(
+            f"{count} samples in a window and one before it are as few as {gains.n} states, a time "
+            f"and a weight, or fewer, and {count + 1} periods of {h!r} exceed the shortest dwell "
+            f"time {shortest!r}: two impulses may look like one at another time; measure more often"
+        )
+    else:
+        onset = _uniqueness(A, H, h)
     known = (
         "time and weight of an impulse in its first interval"
         if mode is None

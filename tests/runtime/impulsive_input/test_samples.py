@@ -226,5 +226,5 @@ def test_a_window_of_very_many_samples_is_looked_at_in_some(body: dict[str, Any]
     H = np.array([[1.0], [2.0]])
     for window, words in ((64.0, "refuted"), (128.0, "undecided")):
         turning = replace(gains, A=A, C=C, H=H, period=1.0, window=window)
-        every = sampled_claims(turning)
+        every = sampled_claims(turning, 200.0)
         assert next(c for c in every if c.id == "rank").verdict == words

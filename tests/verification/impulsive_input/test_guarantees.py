@@ -326,9 +326,9 @@ def test_samples_determine_an_impulse_in_the_first_interval_alone() -> None:
 
     body: dict[str, Any] = {
         "flow": {"A": [[-1.0, 0], [0, -3.0]]},
-        "jump": {"H": [[1.0], [1.0]], "dwell_time": [2.1, "inf"]},
+        "jump": {"H": [[1.0], [1.0]], "dwell_time": [3.1, "inf"]},
         "output": {"C": [[1.0, -3.0]], "noise_std": [1e-4], "measured": "periodic", "period": 1.0},
-        "observer": {"kind": "impulsive_input"},
+        "observer": {"kind": "impulsive_input", "window": 2.0},
     }
     design = obsdesign.design(obsdesign.Problem.from_dict(body))
     assert (design.gains["operator"], design.gains["window"]) == ("samples", 2.0)
@@ -343,3 +343,24 @@ def test_samples_determine_an_impulse_in_the_first_interval_alone() -> None:
     body["output"]["period"] = 0.05
     statement = obsdesign.design(obsdesign.Problem.from_dict(body)).guarantees[0].statement
     assert "of a window that holds one impulse determines its time and weight" in statement
+
+
+@pytest.mark.parametrize(
+    ("response", "rows", "dwell", "verdict"),
+    [([1.0, -3.0], 1, 2.1, "undecided"), ([1.0, 2.0], 1, 2.1, "undecided"),
+     ([1.0, -3.0], 1, 3.1, "proved"), ([1.0, -3.0], 2, 2.1, "proved")],
+)  # fmt: skip
+def test_samples_as_few_as_what_is_unknown_must_be_of_one_impulse(
+    response: list[float], rows: int, dwell: float, verdict: str
+) -> None:
+    """Two impulses 2.11 apart leave three samples that one impulse at another time leaves too."""
+    body = {
+        "flow": {"A": [[-1.0, 0.0], [0.0, -3.0]]},
+        "jump": {"H": [[1.0], [1.0]], "dwell_time": [dwell, "inf"]},
+        "output": {"C": [response, [1.0, 1.0]][:rows], "noise_std": 1e-4, "measured": "periodic",
+                   "period": 1.0},
+        "observer": {"kind": "impulsive_input", "operator": "samples"},
+    }  # fmt: skip
+    outcome, verdicts = claims_of(body)
+    assert verdicts["uniqueness"] == verdict
+    assert {claim.verdict for claim in outcome.claims} == {"proved", verdict}
