@@ -82,6 +82,8 @@ class Bounder:
         if widest is None:
             return tape
         place, spread = widest
+        if self._is_nominal(tape) and (place >= 0 or len(tape.stages) == self.gains.window):
+            return tape
         before, stages = tape.start, tape.stages
         if place >= 0:
             first = stages[place]
@@ -95,6 +97,10 @@ class Bounder:
         if not np.max(start[1] - start[0]) < _NARROWER * spread:
             return tape
         return self.extended(Tape.beginning(start), stages)
+
+    def _is_nominal(self, tape: Tape) -> bool:
+        """Is a width proved for such a tape, by multipliers that need every stage of a window?"""
+        return self.gains.multipliers is not None and all(stage.in_time for stage in tape.stages)
 
     def _after(self, stage: Stage, box: Matrix) -> Matrix:
         """Bounds after a stage from bounds before it."""

@@ -108,11 +108,11 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         t = later(sample.t, state.t, state.started, may_repeat=bool(self.gains.sensors))
         y, events = self._measured(sample.y), self._clocks.events(sample)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
-        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
-            row = self._propagated(state, sample, (t, y, events))
         kept, not_kept = self._clocks.after(
             Kept(state.guards, state.sampled), t, (y, events), state.started
         )
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
+            row = self._propagated(state, sample, (t, y, events), in_time=not not_kept)
         reasons = [*([] if row.fault is None else [row.fault]), *not_kept]
         following = state._replace(
             t=t, u=u, held=self._held(sample.bounds or Bounds()), guards=kept.guards, started=True,
@@ -186,6 +186,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         state: SetMembershipState,
         sample: Sample,
         row: tuple[float, Matrix | None, tuple[int, ...]],
+        *,
+        in_time: bool,
     ) -> _Row:
         """The tape and the bounds after a row, and the contradiction in it, if there is one."""
         bounder, (t, y, events) = self._bounder, row
@@ -199,7 +201,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         stages[-1] = stages[-1]._replace(ends_row=True)
         fault, free = None, tape.box
         for stage in stages:
-            tape = bounder.predicted(tape, stage)
+            tape = bounder.predicted(tape, stage._replace(in_time=in_time))
             free, cut = tape.box, bounder.cut(tape)
             if cut is None:
                 fault = bounder.contradiction(tape).sentence

@@ -42,7 +42,7 @@ class Stage(NamedTuple):
     disturbance. strip (2, p): lower and upper bounds of C z after it, NaN for an output that is
     missing, None without a measurement. box (2, n): certified bounds of z after it. ends_row: it is
     the last stage of its row. spread: largest width that was predicted, without a measurement.
-    event: of a jump, its place among the events.
+    event: of a jump, its place among the events. in_time: all stated times were kept at its row.
     """
 
     t: float
@@ -58,6 +58,7 @@ class Stage(NamedTuple):
     ends_row: bool
     spread: float = 0.0
     event: int = 0
+    in_time: bool = True
 
     @property
     def is_still(self) -> bool:

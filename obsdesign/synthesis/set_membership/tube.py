@@ -216,7 +216,10 @@ def _fixed_point(rows: list[RowMap], before: Matrix) -> Matrix | None:
         return None
     grown = 1 + min(_ROOM, (1 - rate) / 2)
     k = np.where(k > 0, k, _LEAST * (k.max() or before.max()))
-    radii = np.linalg.solve(np.eye(len(k)) - grown * whole, grown * k)
+    try:
+        radii = np.linalg.solve(np.eye(len(k)) - grown * whole, grown * k)
+    except np.linalg.LinAlgError:  # a rate of 1 but for rounding
+        return None
     for _ in range(_REFINED):  # entries that are small beside the largest one are rounded too
         radii = grown * (whole @ radii + k)
     is_kept = np.isfinite(radii).all() and (whole @ radii + k < radii).all()

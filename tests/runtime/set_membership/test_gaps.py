@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import obsdesign
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.set_membership.model import observer_model
 from obsdesign.runtime.set_membership.recovery import bounds_from_samples
@@ -102,3 +104,34 @@ def test_reach_is_above_the_integral_and_settles(t: float) -> None:
     least = [(decay * np.abs(np.cos(5 * s))).sum(), (decay * np.abs(np.sin(5 * s))).sum()]
     assert (bound[:, 0] >= np.array(least) * (1 - 1e-6)).all()
     assert (bound[:, 0] <= 12 * np.array(least) + 1e-2).all()
+
+
+@pytest.mark.parametrize("kick", [1e5, 1e7, 1e9])
+@pytest.mark.parametrize("seen", ["before", "after"])
+def test_the_certified_width_holds_where_jumps_make_a_state_uselessly_wide(
+    kick: float, seen: str
+) -> None:
+    """A tape that began anew at every jump would never hold the samples that the width needs."""
+    body = {
+        "flow": {"A": [[0.0, 1, 0], [0, 0, 0], [0, 0, 0]],
+                 "disturbance": {"lower": [0, -1e-3, 0], "upper": [0, 1e-3, 0]}},
+        "jump": {"disturbance": {"lower": [0, 0, -kick], "upper": [0, 0, kick]},
+                 "dwell_time": [0.3, 9]},
+        "output": {"C": [[1.0, 0, 0], [0, 0, 1]], "noise_bound": [0.1, 0.1], "period": 0.1,
+                   "measured": "periodic", "jump_measurement": seen},
+        "observer": {"kind": "set_membership", "window": 16},
+    }  # fmt: skip
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    width = next(c for c in design.claims if c.id == "width")
+    observer = from_design(design)
+    rows = [Sample(0.1 * k, np.zeros(2), jump=k % 3 == 0) for k in range(1, 100)]
+    start = observer.init(0.0, lower=-np.ones(3), upper=np.ones(3))
+    estimates = list(observer.run(start, rows))
+    assert {e.status for e in estimates} == {"ok"}
+    certified = np.array(width.evidence["always"])
+    assert (_widths(estimates)[60:] <= certified * (1 + 1e-6)).all()
+    # the twin: behind a gap, which the width is not about, the tape begins anew
+    late = [Sample(row.t + 1e4, row.y, jump=row.jump) for row in rows[60:]]
+    behind = list(observer.run(start, [*rows[:60], *late]))[60:]
+    assert behind[0].status != "ok"
+    assert (_widths(behind)[30:] <= certified * (1 + 1e-6)).all()

@@ -163,3 +163,20 @@ def test_jumps_that_leave_nothing_are_designed(measured: str, n: int) -> None:
     }  # fmt: skip
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert outcome.verdict == "proved"
+
+
+@pytest.mark.parametrize("kick", [5e5, 1e6, 1e8])
+def test_a_marginal_mode_that_no_sample_sees_is_refuted_whatever_its_jumps(kick: float) -> None:
+    """Its rate is one but for rounding, and the width that multipliers would hold infinite."""
+    body = {
+        "flow": {"A": [[0.0, 1, 0], [0, 0, 1], [0, 0, 0]],
+                 "disturbance": {"lower": [-0.4, -0.2, -0.02], "upper": [0.4, 0.2, 0.02]}},
+        "jump": {"disturbance": {"lower": [-0.01, -0.01, -kick], "upper": [0.01, 0.01, kick]},
+                 "dwell_time": [0.25, 1]},
+        "output": {"C": [[0.0, 1, 0]], "noise_bound": 0.01, "measured": "periodic", "period": 0.05},
+        "observer": {"kind": "set_membership"},
+    }  # fmt: skip
+    assert obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict == "refuted"
+    # the twin: where its sensor is the first state it is seen
+    body["output"]["C"] = [[1.0, 0, 0]]
+    assert obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict == "proved"
