@@ -36,7 +36,7 @@ NUMBERS = {
         *equations(1, 16), *figures(5), "Assumption 2.1", "Theorem 2.2", "Definition 2.3",
         "Definition 2.4", "Definition 2.5", "Lemma 2.6", "Theorem 3.1", "Lemma 3.2",
         "state response (before (3))", "unobservable set (before Definition 2.3)",
-        "proof of Theorem 3.1", "Section IV", "determinant (Section IV)",
+        "proof of Theorem 3.1", "ρ_ℓ (before (14))", "Section IV", "determinant (Section IV)",
         "gain of the spline (Section IV)",
     ],
     "Mazenc": [
