@@ -51,7 +51,7 @@ NUMBERS = {
     "Mattsson": [
         *equations(1, 19), *figures(6), "Proposition 3.1", "Proposition 3.2",
         "assumptions of Section II", "Section III-A", "Section III-B", "V = I",
-        "η for the largest weight (Section III-C)", "inequality after (19)", "Section III-E",
+        "maximum instead of η (end of Section III-C)", "η for the largest weight (Section III-C)", "inequality after (19)", "Section III-E",
         "Section III-F", "Section IV",
     ],
 }  # fmt: skip
