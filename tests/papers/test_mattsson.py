@@ -388,6 +388,17 @@ def test_a_gain_left_open_has_poles_next_to_those_of_the_plant() -> None:
     np.testing.assert_allclose(np.sort(poles), 1.25 * np.array([-0.2, -0.15, -0.08]), rtol=1e-6)
 
 
+@pytest.mark.parametrize("dwell", [30.0, 100.0])
+def test_a_window_left_open_ends_where_nothing_of_an_impulse_is_left(dwell: float) -> None:
+    body = obsdesign.load_problem(EXAMPLES / "mattsson_medvedev.toml").to_dict()
+    body["jump"]["dwell_time"] = [dwell, "inf"]
+    for name in ("window", "margin", "exponents", "ratio"):
+        del body["observer"][name]
+    window = obsdesign.design(obsdesign.Problem.from_dict(body)).gains["window"]
+    six_time_constants = 6 / 0.10839682  # of D
+    assert window == pytest.approx(min(0.8 * dwell, six_time_constants), rel=1e-6)
+
+
 def test_a_fast_gain_hides_impulses() -> None:
     """That of a Kalman filter which takes impulses as white noise, as `kalman` above."""
     covariance = solve_continuous_are(A.T, C.T, 0.3 * H @ H.T, [[10.0 * STEP]])
