@@ -95,6 +95,12 @@ def test_the_printed_T2_is_that_of_19_and_gives_the_printed_observer(name: str) 
         rows[:m, :r], rows[m:, :r], np.split(rows[:m, n:], [m], 1), np.split(rows[m:, n:], [m], 1)
     )  # fmt: skip
     out, Z = M1 + N2 @ A21, M2 + N4 @ A21
+    # the outputs of (22) are -N1 C Ta with N1 C D = 0: combinations of p - q ones
+    np.testing.assert_array_equal(out, -N1 @ C @ T1[:, :r])
+    assert np.linalg.matrix_rank(N1) == m - q
+    own = gains(name)["Z"] if m > q else np.zeros((0, m))
+    for matrix in (N1 @ C @ D, own @ C @ D, N1 - N1 @ np.linalg.pinv(own) @ own):
+        np.testing.assert_allclose(matrix, 0, atol=1e-14)
     F = A11 - A12 @ Z - printed["L"] @ out
     H = -(A12 @ N3 + printed["L"] @ N1)
     got = {"out": out, "F": F, "H": H, "Q": -Z @ F - A21 + A22 @ Z, "R": A22 @ N3 - Z @ H}

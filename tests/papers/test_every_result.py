@@ -36,7 +36,7 @@ NUMBERS = {
         *equations(1, 16), *figures(5), "Assumption 2.1", "Theorem 2.2", "Definition 2.3",
         "Definition 2.4", "Definition 2.5", "Lemma 2.6", "Theorem 3.1", "Lemma 3.2",
         "state response (before (3))", "unobservable set (before Definition 2.3)",
-        "proof of Theorem 3.1", "Section IV", "determinant (Section IV)",
+        "proof of Theorem 3.1", "ρ_ℓ (before (14))", "Section IV", "determinant (Section IV)",
         "gain of the spline (Section IV)",
     ],
     "Mazenc": [
@@ -51,7 +51,7 @@ NUMBERS = {
     "Mattsson": [
         *equations(1, 19), *figures(6), "Proposition 3.1", "Proposition 3.2",
         "assumptions of Section II", "Section III-A", "Section III-B", "V = I",
-        "η for the largest weight (Section III-C)", "inequality after (19)", "Section III-E",
+        "maximum instead of η (end of Section III-C)", "η for the largest weight (Section III-C)", "inequality after (19)", "Section III-E",
         "Section III-F", "Section IV",
     ],
 }  # fmt: skip

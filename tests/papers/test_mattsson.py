@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
+from scipy.optimize import brentq
 
 import obsdesign
 from docs.figures import mattsson as mattsson_figures
@@ -18,7 +19,7 @@ from obsdesign.equations.impulsive_input import features as eq
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 from obsdesign.equations.impulsive_input.decision_rule import has_peak, threshold_for
 from obsdesign.equations.impulsive_input.fit import fit_impulse
-from obsdesign.runtime import from_design
+from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent
 from obsdesign.synthesis.placement import placed_gain
 from obsdesign.verification.impulsive_input.rank import full_rank
@@ -184,6 +185,27 @@ def test_a_threshold_for_the_largest_weight_misses_small_ones() -> None:
     assert threshold_for(features(FIRST), 3.0224) < eta < threshold_for(features(FIRST), 3.0226)
 
 
+def instant_of_evaluation(weight: float, **options: Any) -> float:
+    """Time of the row at which an impulse at 25 is decided, the state being known."""
+    run = observer(FIRST, **options)
+    t = np.round(0.05 * np.arange(1000), 10)
+    y = record(A, H, ((25, weight),), t, START) @ C.T
+    state = run.init(0.0, x=START)
+    for k, now in enumerate(t):
+        state, _ = run.step(state, Sample(now, y=y[k]))
+        if events := events_of(state.decided):
+            assert events[0].weights[0] == pytest.approx(weight, rel=1e-6)
+            return float(now)
+    raise AssertionError("no impulse")
+
+
+def test_the_instant_of_the_maximum_does_not_depend_on_the_weight() -> None:
+    """The end of Section III-C; the twin: a threshold is exceeded the earlier the larger it is."""
+    assert len({instant_of_evaluation(weight) for weight in (1.0, 6.0, 50.0)}) == 1
+    instants = [instant_of_evaluation(weight, threshold=33.0) for weight in (4.0, 6.0, 50.0)]
+    assert (np.diff(instants) < -2).all()
+
+
 # --- Section IV, variance 10 --------------------------------------------------------------------
 
 
@@ -342,6 +364,54 @@ def test_the_slowest_exponent_for_a_ratio() -> None:
         assert slowest_exponent(features(FIRST), ratio) == pytest.approx(lam, abs=1e-4)
 
 
+@pytest.mark.parametrize("lam", [-0.1, -0.5, 0.1])
+def test_slow_kernels_and_long_windows_pass_less_of_high_frequencies(lam: float) -> None:
+    """Section III-F: largest |p(lambda, tau, j w)| of a band, against that of a constant."""
+
+    def share(lam: float, tau: float) -> float:
+        band = [
+            np.linalg.norm(operator_matrix(np.array([[0, -w], [w, 0]]), np.eye(1, 2), [lam], tau))
+            for w in np.linspace(10, 13, 100)
+        ]
+        constant = operator_matrix(np.zeros((1, 1)), np.eye(1), [lam], tau)
+        return float(max(band) / constant[0, 0])
+
+    assert share(lam, 20.0) < share(lam, 10.0) < share(lam, 5.0)
+    assert share(lam, 10.0) < share(4 * lam, 10.0)
+
+
+def test_a_gain_left_open_has_poles_next_to_those_of_the_plant() -> None:
+    body = obsdesign.load_problem(EXAMPLES / "mattsson_medvedev.toml").to_dict()
+    del body["observer"]["gains"]
+    gains = obsdesign.design(obsdesign.Problem.from_dict(body)).gains
+    poles = np.linalg.eigvals(A - np.array(gains["K"]) @ C)
+    np.testing.assert_allclose(np.sort(poles), 1.25 * np.array([-0.2, -0.15, -0.08]), rtol=1e-6)
+
+
+@pytest.mark.parametrize("dwell", [30.0, 100.0])
+def test_a_window_left_open_ends_where_nothing_of_an_impulse_is_left(dwell: float) -> None:
+    body = obsdesign.load_problem(EXAMPLES / "mattsson_medvedev.toml").to_dict()
+    body["jump"]["dwell_time"] = [dwell, "inf"]
+    for name in ("window", "margin", "exponents", "ratio"):
+        del body["observer"][name]
+    window = obsdesign.design(obsdesign.Problem.from_dict(body)).gains["window"]
+    six_time_constants = 6 / 0.10839682  # of D
+    assert window == pytest.approx(min(0.8 * dwell, six_time_constants), rel=1e-6)
+
+
+def test_a_fast_gain_hides_impulses() -> None:
+    """That of a Kalman filter which takes impulses as white noise, as `kalman` above."""
+    covariance = solve_continuous_are(A.T, C.T, 0.3 * H @ H.T, [[10.0 * STEP]])
+
+    def largest(K: Any) -> float:
+        curve = ImpulseCurve.from_system(eq.filtered_system(A - K @ C, C, SECOND), H, 20.0)
+        ages = np.linspace(0.1, 20, 400)
+        return max(float(np.linalg.norm(curve.value(age)[3:, 0])) for age in ages)
+
+    assert largest(covariance @ C.T / (10.0 * STEP)) == pytest.approx(0.612, abs=1e-3)
+    assert largest(PRINTED) == pytest.approx(39.776, abs=1e-3)
+
+
 def test_newton_beats_any_grid() -> None:
     curve = ImpulseCurve.from_system(eq.filtered_system(D, C, FIRST), H, 20.0)
     impulse = fit_impulse(5 * curve.value(13.3712345)[3:, 0], curve, 5.0, 20.0)
@@ -423,6 +493,44 @@ def test_equal_eigenvalues_of_D_are_as_good_as_distinct_ones() -> None:
     events = from_design(outcome.design).run_batch(t, x @ C.T, x=START).events
     for event, pair in zip(events, ((10, 4), (40, 5)), strict=False):
         assert (event.t, event.weights[0]) == pytest.approx(pair, abs=1e-4)
+
+
+CHANGING = (np.diag([-0.5, -1.0]), np.array([[1.0, 1.0]]), np.array([[2.0], [-3.0]]))  # of h
+
+
+@pytest.mark.parametrize(
+    ("lam", "zero"),
+    [(-0.2, 1.969), (-0.7, 1.644), (-2, 1.290), (-5, 1.0334), (-20, 0.86288), (-100, 0.82101)],
+)
+def test_b_has_a_zero_where_what_is_neglected_has_none(lam: float, zero: float) -> None:
+    F = eq.filtered_system(*CHANGING[:2], np.array([lam]))
+
+    def b(age: float) -> float:
+        return float((expm(F * age)[2:, :2] @ CHANGING[2])[0, 0])
+
+    age = brentq(b, 0.5, 5.0, xtol=1e-13)
+    assert age == pytest.approx(zero, abs=1e-3)
+    window = eq.FeatureWindow(*CHANGING, exponents=np.array([lam]), tau=5.0, margin=0.5)
+    neglected = float(neglected_part(window, age)[0, 0])
+    assert neglected < 0
+    kernel = np.exp(lam * age) / max(1.0, -lam)  # its size, and the order of E
+    assert abs(neglected) > 0.5 * kernel
+
+
+def test_no_exponent_gives_a_ratio_where_h_changes_sign() -> None:
+    """Proposition 3.2 with r = 1/2 and ages from 1/2 on; the twin: where h has one sign."""
+
+    def ratios(H: Any, exponents: Any) -> list[float]:
+        return [
+            eq.neglected_ratio(
+                eq.FeatureWindow(*CHANGING[:2], H, exponents=np.array([lam]), tau=5.0, margin=0.5)
+            )[0]
+            for lam in exponents
+        ]
+
+    every = [*-np.geomspace(0.01, 100, 40), *np.linspace(0, 10, 41)]
+    assert min(ratios(CHANGING[2], every)) > 0.5
+    assert min(ratios(np.array([[2.0], [-1.0]]), [-20.0, -100.0])) < 0.5
 
 
 def test_a_feature_may_have_a_zero_where_what_is_neglected_has_none() -> None:

@@ -202,8 +202,15 @@ def test_the_example_states_the_window_of_the_states_after_an_impulse() -> None:
         evidence[name] = claim(outcome, "strongly_observable").evidence
     spline, part = evidence["medina_spline"], evidence["medina_subsystem"]
     assert (len(spline["approx_worst"]), len(part["approx_worst"])) == (3, 2)
-    assert 0.0027 < spline["sigma_min"] <= spline["approx_sigma_min"]
-    assert spline["approx_sigma_min"] == pytest.approx(0.0040026, abs=1e-7)
+    # over a grid, with its corners: the worst place in the coordinates of the proof is another one
+    U, ends = np.eye(4, 3), np.linspace(0.1, 0.8, 8)
+    spacings = np.stack(np.meshgrid(ends, ends, ends, indexing="ij"), axis=-1).reshape(-1, 3)
+    core = Core(chain(4), first(4), U @ U.T, U, U.T)
+    rows, _ = window_matrix(core, flow_of(chain(4) * spacings[..., None, None]))
+    least = np.linalg.svd(rows, compute_uv=False)[:, -1]
+    assert spacings[least.argmin()].tolist() == pytest.approx([0.8, 0.1, 0.1])
+    assert least.min() == pytest.approx(0.0029072, abs=1e-7)
+    assert 0.0027 < spline["sigma_min"] <= least.min() <= spline["approx_sigma_min"]
     assert 0.0036 < part["sigma_min"] <= part["approx_sigma_min"]
 
 
@@ -453,6 +460,52 @@ def test_lemma_32_where_14_decays_13_does(seed: int, singular: bool) -> None:
     for k in range(WINDOW, IMPULSES + 1):
         error = phi(k - WINDOW, k) @ z[k] - x[k]  # M_alpha is inverted as printed: digits are lost
         assert np.abs(error).max() <= 1e-4 * np.abs(x[k]).max()
+
+
+def test_maps_rho_compose_and_carry_z_to_the_error() -> None:
+    """Before (14): rho_(i+j) = rho_i rho_j; Phi(t, rho_l(t)) makes z of (14) the error of (13)."""
+    rng = np.random.default_rng(7)
+    delta = rng.uniform(0.3, 0.7, 30)
+    times = np.concatenate([[0.0], np.cumsum(delta)])
+
+    def place(t: float) -> tuple[int, float]:
+        """k and the time since tau_k."""
+        k = int(np.searchsorted(times, t, side="right")) - 1
+        return k, t - times[k]
+
+    def rho(back: int, t: float) -> float:
+        k, passed = place(t)
+        return float(times[k - back] + delta[k - back] / delta[k] * passed)
+
+    def shifted(back: int, t: float) -> float:
+        """The twin: the same time since an impulse, not the same share of the interval."""
+        k, passed = place(t)
+        return float(times[k - back] + passed)
+
+    for t in rng.uniform(times[10], times[20], 20):
+        for i, j in ((2, 3), (-4, 1), (3, -3), (0, 2)):
+            assert rho(i, rho(j, t)) == pytest.approx(rho(i + j, t), abs=1e-12)
+            assert rho(j, rho(i, t)) == pytest.approx(rho(i + j, t), abs=1e-12)
+    gaps = [
+        shifted(2, shifted(3, t)) - shifted(5, t) for t in rng.uniform(times[10], times[20], 20)
+    ]
+    assert np.abs(gaps).max() > 0.1
+
+    A, G = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
+    G[:, 0] = G[:, 1]
+
+    def phi(end: float, start: float) -> Any:
+        X, now = np.eye(3), start
+        for tau in times[(times > start) & (times <= end)]:
+            X, now = G @ expm(A * (tau - now)) @ X, tau
+        return expm(A * (end - now)) @ X
+
+    z = rng.standard_normal(3)
+    for share in (0.2, 0.9):
+        k, t = 12, times[12] + share * delta[12]
+        slow = expm(delta[k - WINDOW] / delta[k] * A * (t - times[k]))  # of (15)
+        error = expm(A * (t - times[k])) @ phi(times[k], times[k - WINDOW]) @ z  # of (13)
+        np.testing.assert_allclose(phi(t, rho(WINDOW, t)) @ slow @ z, error, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("singular", [False, True])

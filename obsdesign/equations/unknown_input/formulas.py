@@ -9,16 +9,17 @@ Automation and Systems Engineering 4 (2002), (16)-(33); existence corrected (doc
 T1 = [Ta, D], (17), and T the first n - q rows of its inverse,
 
     N  = (C D)^+                      (19), the paper's -N3
-    Z C D = 0                         (19), (20), its N1 = -Z
+    Z C D = 0                         (19), (20), its N1 = -E Z, rank p - q
     K  = N C Ta                       (21), its M2 + N4 A21
     X  = Ta - D K,  Xy = D N          (31)
-    F  = (T A - L Z C) X              (28), where T A X = A0 of (22) and Z C X = M1 + N2 A21
+    F  = (T A - L Z C) X              (28), where T A X = A0 of (22) and E Z C X = M1 + N2 A21
     H  = T A Xy + L Z,  Gu = T B      (28)
     Q  = -K F - A21 + A22 K           (33)
     R  = -(K H + A22 N)               (33)
     S  = -N C B                       (33)
 
-The paper's z, its A21 row and half of its T2 cancel: M1 + N2 A21 = Z C Ta.
+The paper's z, its A21 row and half of its T2 cancel: M1 + N2 A21 = -N1 C Ta = E Z C Ta. The p
+outputs of (22) are combinations of p - q ones: E is p x (p-q), of full column rank.
 
 Notation
     [u; 1]   known inputs, and a constant for the middle of the bounds of b: B has m + 1 columns
