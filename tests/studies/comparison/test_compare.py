@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,10 +33,10 @@ def _designed_once() -> Iterator[None]:
     made: dict[str, Any] = {}
     own = comparison._designs
 
-    def designs(problem: obsdesign.Problem, seconds: float | None) -> Any:
-        key = json.dumps([problem.to_dict(), seconds])
+    def designs(problem: obsdesign.Problem, kinds: Sequence[str], seconds: float | None) -> Any:
+        key = json.dumps([problem.to_dict(), list(kinds), seconds])
         if key not in made:
-            made[key] = own(problem, seconds)
+            made[key] = own(problem, kinds, seconds)
         return made[key]
 
     with pytest.MonkeyPatch.context() as patch:
