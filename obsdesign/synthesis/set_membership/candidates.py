@@ -11,6 +11,7 @@ from lmi.arithmetic.arrays import NewEntries
 from lmi.decide.stability import decide
 from lmi.solvers import Solvers
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, ended_by_count, remark_end
+from obsdesign.analysis.set_membership.observable_window import determines_state
 from obsdesign.analysis.set_membership.requirements import (
     pattern_of,
     reason_against,
@@ -77,8 +78,13 @@ def _chosen(problem: Problem, budget: TimeBudget) -> _Window:
     pattern = pattern_of(plant)
     if isinstance(pattern, str):
         return _Window(default)
-    search = Search(_gains(problem, default), pattern, budget.scaled(WORK))
+    gains = _gains(problem, default)
+    search = Search(gains, pattern, budget.scaled(WORK))
     lengths = sorted({max(count, least) for count in _TRIED})
+    if unobservable_part(plant) is None:
+        seen = [count for count in lengths if determines_state(gains, pattern, count)]
+        lengths = seen or lengths[-1:]
+        default = options.window or max(default, lengths[0])
     tubes, witness = dict[int, Tube](), None
     for count in lengths if options.window is None else (options.window,):
         tube = search.tube(count)

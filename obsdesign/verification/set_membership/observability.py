@@ -7,24 +7,18 @@ sees contracts by itself.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Entries, Indices, Matrix, NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.arithmetic.balls import (
-    Exact,
-    exact,
-    pivot_columns,
-    precision,
-    solve_entries,
     to_float,
 )
 from lmi.arithmetic.exponential import expm
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import HiddenPart, not_detectable
-from obsdesign.analysis.set_membership.enclosed import BALLS
+from obsdesign.analysis.set_membership.observable_window import determines_state
 from obsdesign.analysis.set_membership.requirements import (
     pattern_of,
     sampled_matrix,
@@ -32,12 +26,10 @@ from obsdesign.analysis.set_membership.requirements import (
 )
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.equations.set_membership.nominal import NominalMaps, StepMap
-from obsdesign.equations.set_membership.pattern import Pattern, Step
+from obsdesign.equations.set_membership.pattern import Pattern
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability
 
-_BITS = 320
 _ZERO = 1e-9  # of the largest entry of a direction
 _LONGEST_MORE = 40  # stages beyond the stored window that are tried
 
@@ -127,14 +119,14 @@ def _at_any_spacing(gains: SetMembershipGains) -> Claim:
 
 def _of_every_window(gains: SetMembershipGains, pattern: Pattern) -> Claim:
     count = gains.window
-    verdict = _full_rank(gains, pattern, count)
-    if verdict.outcome != "proved":
+    verdict = proved(states=gains.n, windows=len(pattern.windows(count)))
+    if not determines_state(gains, pattern, count):
+        text = f"the samples of a window of {count} stages are not proved to determine the state"
+        verdict = undecided(text)
         longer = range(count + 1, count + _LONGEST_MORE)
-        shortest = next(
-            (k for k in longer if _full_rank(gains, pattern, k).outcome == "proved"), None
-        )
+        shortest = next((k for k in longer if determines_state(gains, pattern, k)), None)
         if shortest is not None:
-            text = f"{verdict.reason}; the shortest window that does has {shortest} stages"
+            text += f"; the shortest window that does has {shortest} stages"
             verdict = undecided(text, shortest=shortest)
     return Claim.from_verdict(
         "observable_window",
@@ -143,68 +135,3 @@ def _of_every_window(gains: SetMembershipGains, pattern: Pattern) -> Claim:
         "observability",
         verdict,
     )
-
-
-def _full_rank(gains: SetMembershipGains, pattern: Pattern, count: int) -> Verdict:
-    """Do the samples of every window determine the state at its end?"""
-    with precision(_BITS):
-        maps = NominalMaps(gains, BALLS)
-        steps = maps.steps(pattern.cycle, lambda h: (1,))
-        for window in pattern.windows(count):
-            starts = _starts(gains, window)
-            if not any(_determines(steps, maps.C, window[k:], L) for k, L in starts):
-                return undecided(
-                    f"the samples of a window of {count} stages are not proved to determine the "
-                    "state"
-                )
-    return proved(states=gains.n, windows=len(pattern.windows(count)))
-
-
-def _starts(gains: SetMembershipGains, window: tuple[Step, ...]) -> Iterator[tuple[int, Exact]]:
-    """(k, basis): the state before step k is basis z for an unknown z, known disturbances apart.
-
-    Behind a jump with a singular G it is in the range of G, so that fewer samples determine it.
-    """
-    yield 0, exact(np.eye(gains.n))
-    if gains.G is None:
-        return
-    G = exact(gains.G)
-    basis = G[:, pivot_columns(G)]
-    if basis.shape[1] < gains.n:
-        yield from ((k + 1, basis) for k, step in enumerate(window) if step.jump)
-
-
-def _determines(
-    steps: dict[Step, StepMap], C: Array, window: tuple[Step, ...], basis: Exact
-) -> bool:  # fmt: skip
-    """Is the map from z to the samples of a window injective? x = basis z before it."""
-    state, rows = basis, [np.zeros((0, basis.shape[1]), dtype=object)]
-    for step in window:
-        state = steps[step].Phi @ state
-        if step.sampled:
-            rows.append(C @ state)
-    observed = np.vstack(rows)
-    chosen = _independent(observed)
-    if chosen is None:
-        return False
-    square = observed[chosen]
-    return solve_entries(square, exact(np.eye(len(square)))) is not None
-
-
-def _independent(rows: Array) -> Indices | None:
-    """Indices of n rows that are independent in floats; None if there are fewer."""
-    n = rows.shape[1]
-    left: Matrix = np.array([[float(x) for x in row] for row in rows]).reshape(len(rows), n)
-    size = np.linalg.norm(left, axis=1, keepdims=True)
-    left = left / np.where(size > 0, size, 1.0)
-    chosen = []
-    for _ in range(n):
-        norms = np.linalg.norm(left, axis=1)
-        best = int(norms.argmax()) if len(norms) else -1
-        if best < 0 or not norms[best] > 0:
-            return None
-        chosen.append(best)
-        unit = left[best] / norms[best]
-        left = left - np.outer(left @ unit, unit)
-        left[best] = 0.0
-    return np.array(chosen, dtype=np.intp)

@@ -180,3 +180,22 @@ def test_a_marginal_mode_that_no_sample_sees_is_refuted_whatever_its_jumps(kick:
     # the twin: where its sensor is the first state it is seen
     body["output"]["C"] = [[1.0, 0, 0]]
     assert obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict == "proved"
+
+
+@pytest.mark.parametrize(("dwell", "window"), [(0.4, 8), (1.0, 16), (2.5, 30)])
+def test_a_window_that_is_open_is_long_enough_to_determine_the_state(
+    dwell: float, window: int
+) -> None:
+    """The second state is seen behind the next jump alone, which swaps both."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[0.5, 0], [0, 0.5]], "disturbance": {"lower": [-1, -1], "upper": [1, 1]}},
+        "jump": {"G": [[0, 1], [1, 0]], "dwell_time": [dwell, "inf"]},
+        "output": {"C": [[1, 0]], "noise_bound": 0.1, "measured": "periodic", "period": 0.1},
+        "observer": {"kind": "set_membership"},
+    }
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert design.gains["window"] == window
+    # the twin: a shorter one does not
+    body["observer"]["window"] = round(dwell / 0.1)
+    claims = obsdesign.investigate(obsdesign.Problem.from_dict(body)).claims
+    assert next(c for c in claims if c.id == "observable_window").verdict == "undecided"
