@@ -3,7 +3,7 @@
 A signal stands for its averages over the cells (its coefficients). Shapes: samples (m + 1,) or
 (m + 1, k), coefficients (m,) or (m, k); h the length of a cell.
 Source: P. Ahn (2002), (1)-(15), where h = tf/m; (5), (6), (14), (15). (8) is misprinted there: the
-factor is m/tf and the phi_i is missing.
+factor is m/tf, phi_(i+1) is missing, and i begins at 0.
 
 The derivative (14) is the inverse of the integral (6). It has a pole at -1: whatever excites that
 never dies out. Trapezoid averages with y(0) equal to the first sample do not excite it, and then

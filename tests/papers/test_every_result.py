@@ -46,7 +46,7 @@ NUMBERS = {
     ],
     "Ahn": [
         *equations(1, 44), *figures(8), "Example 1", "Example 2", "Table 1", "Table 2",
-        "(14) as a differentiator",
+        "(14) as a differentiator", "observability (after (22))", "convergence (after (27))",
     ],
     "Mattsson": [
         *equations(1, 19), *figures(6), "Proposition 3.1", "Proposition 3.2",

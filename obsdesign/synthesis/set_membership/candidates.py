@@ -82,8 +82,8 @@ def _chosen(problem: Problem, budget: TimeBudget) -> _Window:
     search = Search(gains, pattern, budget.scaled(WORK))
     lengths = sorted({max(count, least) for count in _TRIED})
     if unobservable_part(plant) is None:
-        seen = [count for count in lengths if determines_state(gains, pattern, count)]
-        lengths = seen or lengths[-1:]
+        observed = [count for count in lengths if determines_state(gains, pattern, count)]
+        lengths = observed or lengths[-1:]
         default = options.window or max(default, lengths[0])
     tubes, witness = dict[int, Tube](), None
     for count in lengths if options.window is None else (options.window,):

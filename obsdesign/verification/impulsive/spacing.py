@@ -9,11 +9,12 @@ import math
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact
+from lmi.arithmetic.balls import exact, to_float
+from lmi.arithmetic.spectrum import spectral_radius
 from lmi.rank.hidden_mode import check_hiding
 from lmi.rank.witness import MARGIN
 from lmi.refute.spectral import decide_constant
-from lmi.verdict import Verdict, proved, refuted
+from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import hidden_part
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import seen_before_jump
@@ -41,7 +42,8 @@ def shortest_spacing(problem: Problem) -> Claim:
     """Claim that the shortest spacing is positive, or may be 0.
 
     A range that begins at 0 is compact as well: Theorem 3.1 needs no more of it than rank at
-    spacing 0. No gain serves where (G, C) is not detectable.
+    spacing 0. No gain serves where C misses a mode of G that grows; one of modulus 1 is undecided,
+    since no time passes between impulses at once.
     """
     low = problem.require_dwell_time()[0]
     if low > 0:
@@ -63,16 +65,22 @@ def _at_once(problem: Problem) -> Verdict:
     C = exact(seen_before_jump(plant.jump.G, plant.output.C, plant.output.jump_measurement))
     A, G = exact(plant.flow.A), exact(plant.jump.G)
     verdict = check_hiding(A, G, C, 0.0)
-    if verdict.outcome != "refuted":
+    if verdict.outcome == "refuted":
+        mode = verdict.witness["mode"]
+        modulus = math.hypot(mode["real"], mode["imag"])
+    else:
         hidden = hidden_part([G], C)
         if hidden is None:
             return proved()
         (jump,) = hidden.maps
         verdict = decide_constant(np.zeros(jump.shape), jump, 0.0)
+        modulus = spectral_radius(to_float(jump))
     if verdict.outcome != "refuted":
         return verdict
     reason = (
         f"jump.dwell_time has no positive lower bound: {verdict.reason}; give a positive "
         "jump.dwell_time[0]"
     )
+    if modulus <= 1 + MARGIN:
+        return undecided(reason)
     return refuted({**verdict.witness, "entry": "jump.dwell_time", "reason": reason})

@@ -152,11 +152,11 @@ def test_advice_answers_what_failed() -> None:
 
 def test_advice_for_an_end_of_the_dwell_times_names_that_end() -> None:
     """A mode hidden at spacing 0 is no reason to measure more where 0 is what a file left open."""
-    for dwell, place in (([0.0, 0.8], 0), ([0.1, "inf"], 1)):
+    for dwell, place, verdict in (([0.0, 0.8], 0, "undecided"), ([0.1, "inf"], 1, "refuted")):
         body = load("medina_spline").to_dict()
         body["jump"]["dwell_time"] = dwell
         answer = check_kind(obsdesign.Problem.from_dict(body), "impulsive")
-        assert answer.verdict == "refuted"
+        assert answer.verdict == verdict
         assert f"jump.dwell_time[{place}]" in answer.next_step
 
 

@@ -145,21 +145,35 @@ HALVED = (np.diag([0.2, -0.1]), np.diag([1.0, 0.5]), first(2))  # what C misses 
 
 @pytest.mark.parametrize("plant", [SPLINE, rebased(SPLINE, 1), DOUBLE, OSCILLATOR])
 @pytest.mark.parametrize("measured", ["before", "after"])
+@pytest.mark.parametrize("growth", [1.0, 1.5])
 def test_a_range_from_0_on_needs_a_positive_end_where_impulses_at_once_hide_a_mode(
-    plant: Any, measured: str
+    plant: Any, measured: str, growth: float
 ) -> None:
+    """Of modulus 1 no gain is refuted: impulses at once take no time, in which all may decay."""
+    A, G, C = plant[0], growth * np.asarray(plant[1]), plant[2]
     for strategy in ("auto", "quadratic"):
         outcome = investigate(
-            plant, [0.0, 0.4], strategy=strategy, output={"jump_measurement": measured}
+            (A, G, C), [0.0, 0.4], strategy=strategy, output={"jump_measurement": measured}
         )
-        assert outcome.verdict == "refuted"
         assert verdicts(outcome)["bounded_spacing"] == "proved"
-        witness = claim(outcome, "shortest_spacing").evidence["witness"]
-        C = plant[2] @ plant[1] if measured == "after" else plant[2]
+        shortest = claim(outcome, "shortest_spacing")
+        if growth == 1:
+            assert outcome.verdict == shortest.verdict == "undecided"
+            assert shortest.evidence["reason"].endswith("give a positive jump.dwell_time[0]")
+            continue
+        assert outcome.verdict == "refuted"
+        witness = shortest.evidence["witness"]
         hidden = np.array(witness["null_vector"])
-        np.testing.assert_allclose(C @ hidden, 0, atol=1e-9)
-        np.testing.assert_allclose(plant[1] @ hidden, witness["mode"]["real"] * hidden, atol=1e-9)
+        np.testing.assert_allclose((C @ G if measured == "after" else C) @ hidden, 0, atol=1e-9)
+        np.testing.assert_allclose(G @ hidden, witness["mode"]["real"] * hidden, atol=1e-9)
         assert witness["reason"].endswith("give a positive jump.dwell_time[0]")
+
+
+def test_a_plant_that_decays_by_itself_is_not_refuted_for_impulses_at_once() -> None:
+    """Without any gain its error is below e^-t, whatever the impulses that only hide a state."""
+    plant = (-np.eye(2), np.eye(2), first(2))
+    assert investigate(plant, [0.0, 1.0]).verdict != "refuted"
+    assert investigate(plant, [0.001, 1.0]).verdict == "proved"
 
 
 @pytest.mark.parametrize(
@@ -204,7 +218,7 @@ def test_too_short_a_window_is_refused() -> None:
 
 
 def test_spacing_zero_is_an_ordinary_end_of_the_range() -> None:
-    assert investigate(DOUBLE, [0.0, 1.0], strategy="full").verdict == "refuted"
+    assert investigate(DOUBLE, [0.0, 1.0], strategy="full").verdict == "undecided"
     everything = (np.diag([-0.1, 0.2]), np.eye(2), np.eye(2))
     assert investigate(everything, [0.0, 1.0]).verdict == "proved"
 
