@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.column_names import JUMP, TIME, TRUTH, numbered
-from obsdesign.problem.clocks import Sensor
 from obsdesign.problem.plant import Plant
 
 
@@ -21,13 +20,12 @@ def record_columns(
     happened (rows, events): what the record says of events, None where it has no word of them.
     """
     columns: dict[str, Array] = {TIME: times}
-    named = isinstance(plant.sensors[0], Sensor)
-    if named:
+    if plant.has_tables:
         columns |= _sensors(plant, blocks["y"])
     else:
         columns |= _numbered("y", blocks["y"])
     columns |= _numbered("u", blocks["u"])
-    if named:
+    if plant.has_tables:
         columns |= {} if happened is None else _events(plant, blocks["w"], happened)
     else:
         columns |= _numbered("w", blocks["w"])
@@ -52,7 +50,7 @@ def _events(plant: Plant, w: Matrix, happened: NDArray[np.bool_]) -> dict[str, A
     columns: dict[str, Array] = {}
     first = 0
     for event, rows in zip(plant.events, happened.T, strict=True):
-        count = 0 if event.E is None else event.E.shape[1]
+        count = event.inputs
         own = w[:, first : first + count] if count else np.ones((len(w), 1))
         values = np.where(rows[:, None], own, np.nan)
         columns |= dict(zip(event.columns, values.T, strict=True))

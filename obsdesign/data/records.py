@@ -126,21 +126,22 @@ class _Header:
         """Remarks on columns of outputs beyond those of the plant, and of bounds nobody uses."""
         if self.layout.clocks is not None:
             self._remark_on_unknown(self.layout.clocks, remark)
+        else:
+            self._remark_on_more_outputs(remark)
+        remark_on_unused_bounds(self.titles, self.layout.bounds, self.name, remark)
+        if self.bounds is not None:
+            self.bounds.remark_on_folded(self.name, remark, self.layout.unused)
+
+    def _remark_on_more_outputs(self, remark: Remark) -> None:
+        """A remark on columns of outputs beyond those of the plant."""
         known = {*self.layout.columns(), *self.layout.optional}
-        more = (
-            []
-            if self.layout.clocks
-            else [x for x in self.titles if re.fullmatch(r"y[1-9]\d*", x) and x not in known]
-        )
+        more = [x for x in self.titles if re.fullmatch(r"y[1-9]\d*", x) and x not in known]
         if more:
             outputs = f"{self.layout.y} output{'s' * (self.layout.y != 1)}"
             remark(
                 f"{self.name}: {', '.join(more)} of the header are not used, since the design's "
                 f"plant has {outputs}. Is it the data of another plant?"
             )
-        remark_on_unused_bounds(self.titles, self.layout.bounds, self.name, remark)
-        if self.bounds is not None:
-            self.bounds.remark_on_folded(self.name, remark, self.layout.unused)
 
     def _remark_on_unknown(self, clocks: ClockColumns, remark: Remark) -> None:
         """A remark on columns that look like those of events and sensors, and are of none."""

@@ -106,7 +106,7 @@ def _initial(n: int, initial: ArrayLike | None) -> Matrix:
 def _trajectory(x: Matrix, instants: Instants, source: Signals, announced: bool) -> Simulation:
     """Step from row to row; matrices are shared between equal steps."""
     plant, n = source.plant, len(x)
-    C, after = plant.outputs.C, _sees_after(plant)
+    C, after = plant.outputs.C, plant.sees_after
     truth, outputs, events = [], [], []
     cache: dict[float, Matrix] = {}
     now = 0.0
@@ -139,12 +139,6 @@ def _trajectory(x: Matrix, instants: Instants, source: Signals, announced: bool)
     table = record_columns(plant, instants.times, blocks, happened)
     weights = np.array(events).reshape(len(events), 1 + source.weights.shape[1])
     return Simulation(table, weights, blocks, happened)
-
-
-def _sees_after(plant: Plant) -> NDArray[np.bool_]:
-    """Does an output, of p, see the state after an event?"""
-    sees = [sensor.jump_measurement == "after" for sensor in plant.sensors]
-    return np.repeat(sees, [len(sensor.C) for sensor in plant.sensors])
 
 
 def _is_hidden(event: Jump, n: int) -> bool:

@@ -120,7 +120,7 @@ def _rows(value: Value) -> list[list[str]]:
 def _plant_words(problem: Problem) -> str:
     plant = problem.plant
     words = [f"{plant.n} states", f"{plant.p} output{'s' * (plant.p > 1)}"]
-    if problem.has_tables:
+    if plant.has_tables:
         for what, listed in (("event", plant.events), ("sensor", plant.sensors)):
             names = ", ".join(one.name for one in listed)
             words += [f"{len(listed)} {what}{'s' * (len(listed) > 1)} ({names})"] if names else []

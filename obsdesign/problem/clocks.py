@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from lmi.arithmetic.arrays import Value
 from obsdesign.column_names import signal_columns
@@ -71,6 +72,7 @@ class Sensor(Output):
     state before or after.
     """
 
+    is_named: ClassVar[bool] = True
     name: str = file_entry(_NAME_SCHEMA, "Name of the sensor, and of its column in data.")
     every: Every | str | None = file_entry(
         ref("sensor_every"),

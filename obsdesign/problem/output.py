@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,6 +24,8 @@ IRREGULAR = "irregular"
 JUMP_MEASUREMENTS = ("before", "after", "none")
 # what is left out: __post_init__ fills it in
 _DEFAULT: Value = None
+# entries of several sensors that stand one above the other
+_STACKED = ("C", "noise_std", "noise_cv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,7 @@ class Output(Block):
     """
 
     name = "output"
+    is_named: ClassVar[bool] = False
     C: Matrix = file_entry(ref("matrix"), "p x n.")
     noise_bound: Matrix | None = file_entry(
         ref("noise_bound"),
@@ -161,6 +165,3 @@ def stacked(sensors: Sequence[Output]) -> Output:
             )
     C, std, cv = (np.concatenate([getattr(x, name) for x in sensors]) for name in _STACKED)
     return Output(C, np.concatenate(known) if known else None, std, cv)
-
-
-_STACKED = ("C", "noise_std", "noise_cv")

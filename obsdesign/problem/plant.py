@@ -20,6 +20,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import JUMP
@@ -120,6 +121,11 @@ class Jump(DisturbedBlock):
         return self.name
 
     @property
+    def inputs(self) -> int:
+        """Number of known inputs w."""
+        return 0 if self.E is None else int(self.E.shape[1])
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """The columns of a data file that say when it happens."""
         return (JUMP,)
@@ -202,6 +208,17 @@ class Plant:
         fixed = self.sensors[0].measured != IRREGULAR
         return len(self.events) <= 1 and len(self.sensors) == 1 and fixed
 
+    @property
+    def has_tables(self) -> bool:
+        """Is it of [[event]] and [[sensor]] in a file, and not of [jump] and [output]?"""
+        return self.sensors[0].is_named
+
+    @cached_property
+    def sees_after(self) -> NDArray[np.bool_]:
+        """(p,): does an output see the state after an event?"""
+        sees = [sensor.jump_measurement == "after" for sensor in self.sensors]
+        return np.repeat(sees, [len(sensor.C) for sensor in self.sensors])
+
     def reason_without(self, *entries: str, needed_by: str) -> str | None:
         """Reason against a plant that lacks one of these entries, or None; one sentence.
 
@@ -219,7 +236,7 @@ class Plant:
     def stated(self, entry: str) -> str:
         """The name of an entry, of [jump] or [output] too, in the plant's own file."""
         block, _, key = entry.partition(".")
-        if self.sensors[0].entry == "output" or block not in ("jump", "output"):
+        if not self.has_tables or block not in ("jump", "output"):
             return _WRITTEN.get(entry, entry)
         if block == "jump" and not self.events:
             return "[[event]]"

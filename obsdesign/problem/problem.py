@@ -102,7 +102,7 @@ class Problem:
         """
         plant = self.plant
         blocks: NewEntries = {"flow": plant.flow}
-        if self.has_tables:
+        if self.plant.has_tables:
             blocks |= {"event": plant.events or None, "sensor": plant.sensors}
         else:
             blocks |= {"jump": plant.jump, "output": plant.output}
@@ -114,11 +114,6 @@ class Problem:
             body["observer"] = observer | {"gains": dict(self.gains)} | stated
         result: NewEntries = jsonable(body)
         return result
-
-    @property
-    def has_tables(self) -> bool:
-        """Is the plant of [[event]] and [[sensor]], and not of [jump] and [output]?"""
-        return isinstance(self.plant.sensors[0], Sensor)
 
     def options_as(self, kind_options: type[_Options]) -> _Options:
         """The options as those of one kind; TypeError where the problem is of another."""
@@ -192,7 +187,7 @@ class Problem:
     def with_dwell_time(self, low: float, high: float) -> Problem:
         """The same problem for another range of dwell times."""
         body = self.to_dict()
-        if self.has_tables:
+        if self.plant.has_tables:
             body["event"][0]["every"] = jsonable([low, high])
         else:
             body["jump"]["dwell_time"] = jsonable([low, high])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.clocks import SensorGains
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.runtime.base import Sample, no_jumps
+from obsdesign.runtime.base import Sample, no_jumps, vector
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.time_stamps import time_tolerance
 
@@ -60,6 +60,17 @@ class Clocks:
                 f"events must be places among {', '.join(names)}, from 0; got {sample.events!r}."
             )
         return tuple(int(k) for k in sample.events)
+
+    def inputs(self, sample: Sample, event: int) -> Matrix:
+        """Known inputs w of an event, which stand behind those of the events before it."""
+        counts = [each.inputs for each in self.gains.every_event]
+        if sample.w is None:
+            return np.zeros(counts[event])
+        first = sum(counts[:event])
+        own = vector(sample.w, sum(counts), "w")[first : first + counts[event]]
+        if self.gains.sensors and not np.isfinite(own).all():
+            raise ValueError(f"w of event {self.gains.events[event].name} must be finite.")
+        return own
 
     def parts(self, y: Matrix) -> Iterator[tuple[str, Matrix]]:
         """Measurements that saw an event's "before", "after" or "none" of it, NaN elsewhere."""

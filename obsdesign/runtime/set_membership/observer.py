@@ -240,7 +240,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     def _jump_stage(self, sample: Sample, t: float, event: int) -> Stage:
         """The stage of an event, without a measurement after it."""
         table, jump = self._tables.jumps[event], self._model.jumps[event]
-        w, declared = self._inputs(sample, event), self.declared_bounds.c
+        w, declared = self._clocks.inputs(sample, event), self.declared_bounds.c
         pair = None if sample.bounds is None else sample.bounds.c
         held = np.stack([jump.c.lower, jump.c.upper])
         if declared is not None:
@@ -251,17 +251,6 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         return Stage(
             t, 0.0, abs(t), True, known, known, known, radius, None, held, False, event=event
         ).driven(table)  # fmt: skip
-
-    def _inputs(self, sample: Sample, event: int) -> Matrix:
-        """Known inputs w of an event, which stand behind those of the events before it."""
-        counts = [model.inputs.shape[1] for model in self._model.jumps]
-        if sample.w is None:
-            return np.zeros(counts[event])
-        first = sum(counts[:event])
-        own = vector(sample.w, sum(counts), "w")[first : first + counts[event]]
-        if self.gains.sensors and not np.isfinite(own).all():
-            raise ValueError(f"w of event {self.gains.events[event].name} must be finite.")
-        return own
 
     def _disturbed(self, b: Disturbance, known: Matrix, held: Matrix) -> tuple[Matrix, Matrix]:
         """(inputs and middles of the disturbance, radii of its columns) of a stage."""

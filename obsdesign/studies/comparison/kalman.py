@@ -72,10 +72,7 @@ def kalman_filter(
     steps = _Steps(plant, walk)
     R, means, log_likelihood = _noise(plant, rows), [], 0.0
     u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
-    after = np.repeat(
-        [sensor.jump_measurement == "after" for sensor in plant.sensors],
-        [len(sensor.C) for sensor in plant.sensors],
-    )
+    after = plant.sees_after
     for k, row in enumerate(rows):
         if k:
             now = steps.flow(now, row.t - rows[k - 1].t, u)
@@ -193,12 +190,12 @@ class _Steps:
     def jump(self, now: _Moments, row: Sample) -> _Moments:
         """Through the events of a row."""
         first = 0
+        w = None if row.w is None else np.asarray(row.w, dtype=np.float64)
         for k, event in enumerate(self.plant.events):
-            inputs = 0 if event.E is None else event.E.shape[1]
-            w = None if row.w is None else np.asarray(row.w, dtype=np.float64)
+            last = first + event.inputs
             if k in (row.events or (0,)):
-                now = self._event(now, event, None if w is None else w[first : first + inputs])
-            first += inputs
+                now = self._event(now, event, None if w is None else w[first:last])
+            first = last
         return now
 
     def _event(self, now: _Moments, jump: Jump, w: Matrix | None) -> _Moments:

@@ -74,7 +74,7 @@ class ComparisonRecord:
         plant = problem.plant
         flow, columns = plant.flow, read_columns(path)
         u = 0 if flow.B is None else flow.B.shape[1]
-        w = sum(0 if event.E is None else event.E.shape[1] for event in plant.events)
+        w = sum(event.inputs for event in plant.events)
         # impulses of unknown weight may come unannounced
         names = {"jump", "event", *(event.name for event in plant.events)}
         announced = bool(plant.events) and (

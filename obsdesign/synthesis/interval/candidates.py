@@ -176,7 +176,7 @@ def _in_open_coordinates(search: GainSearch, remarks: tuple[Remark, ...]) -> Ite
     """Yield from candidate bases; only if that is not enough from a search over bases."""
     problem, given = search.problem, search.given
     if problem.plant.output.measured == "periodic":
-        frames = ({"S": S} for S in sampled_bases(problem, given))
+        frames = ({"S": S} for S in sampled_bases(search))
         yield from sampled_candidates(search, "coordinates", frames)
         return
     auto = problem.options_as(IntervalOptions).form == "auto"

@@ -19,11 +19,11 @@ from lmi.arithmetic.arrays import Array, Entries, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark, ended_by_count, remark_end
+from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
-from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.interval.descent import best_gains, quick_gains, solvers_of_gains
-from obsdesign.synthesis.interval.task import GainSearch, balanced_units
+from obsdesign.synthesis.interval.task import GainSearch
 from obsdesign.synthesis.placement import riccati_gain
 
 # a basis closer to a singular one than this costs more digits in its inverse than it can gain
@@ -57,9 +57,7 @@ class CoordinateSearch:
         """Return the best of the bases, improved by a simplex search if `improve`."""
         choices: list[CoordinateChoice] = []
         count = self.gains.budget.scaled(_BASES_WORK) // self.gains.problem.plant.n**3
-        for S in itertools.islice(
-            _bases(self.gains.problem, self.gains.given), min(max(count, 1), _MOST_BASES)
-        ):
+        for S in itertools.islice(_bases(self.gains), min(max(count, 1), _MOST_BASES)):
             if choices and self.gains.budget.remaining() < 0:
                 break
             choices.append(self._with_quick_gains(S))
@@ -98,7 +96,7 @@ class CoordinateSearch:
 
     def _improved(self, start: CoordinateChoice) -> tuple[CoordinateChoice, tuple[Remark, ...]]:
         """The best of a Nelder-Mead search over S, gains from a small program for each."""
-        n, units = self.gains.problem.plant.n, balanced_units(self.gains.problem).sizes
+        n, units = self.gains.problem.plant.n, self.gains.units.sizes
         best, first = [start], scaled_columns(start.S / units[:, None])
         if first is None:  # at the border of what is singular
             return start, ()
@@ -133,17 +131,17 @@ def _simplex(S: Matrix) -> Matrix:
     return corners
 
 
-def _bases(problem: Problem, given: Mapping[str, Array]) -> Iterator[Matrix]:
+def _bases(gains: GainSearch) -> Iterator[Matrix]:
     """Yield candidates for S, without repetition; the plant's own coordinates if there are none."""
-    plant, yielded = problem.plant, list[Matrix]()
-    for L in _flow_gains(plant, given):
-        M = given.get("M", np.zeros((plant.n, plant.p)))
-        for S in bases(problem, L, M):
+    plant, yielded = gains.problem.plant, list[Matrix]()
+    for L in _flow_gains(plant, gains.given):
+        M = gains.given.get("M", np.zeros((plant.n, plant.p)))
+        for S in bases(plant, L, M, gains.units):
             if not any(np.allclose(S, other) for other in yielded):
                 yielded.append(S)
                 yield S
     if not yielded:  # eigenvectors of a defective matrix are dependent: a search starts here
-        yield np.diag(balanced_units(problem).sizes)
+        yield np.diag(gains.units.sizes)
 
 
 def _flow_gains(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
@@ -160,12 +158,11 @@ def _flow_gains(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
             continue
 
 
-def bases(problem: Problem, L: Array, M: Array) -> list[Matrix]:
+def bases(plant: Plant, L: Array, M: Array, units: BalancedPlant) -> list[Matrix]:
     """Return eigenvectors of the flow, of the jump, and a mixture with the kernel of the jump.
 
     Each in balanced units, in which their entries and their independence are judged.
     """
-    plant, units = problem.plant, balanced_units(problem)
     F, H = flow_and_jump(
         plant.flow.A, plant.output.C, None if plant.jump is None else plant.jump.G, L=L, M=M,
         jump_measurement=plant.output.jump_measurement,

@@ -29,7 +29,7 @@ from obsdesign.analysis.interval.requirements import large_gain
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.synthesis.interval.coordinates import CoordinateChoice, scaled_columns
 from obsdesign.synthesis.interval.goals import growth, mean_width
-from obsdesign.synthesis.interval.task import GainSearch, Task, balanced_units
+from obsdesign.synthesis.interval.task import GainSearch, Task
 from obsdesign.synthesis.placement import robust_gain
 
 # with fewer states the searches over forms are quick
@@ -77,7 +77,7 @@ class PlacedGains:
 
 def placed_gains(search: GainSearch) -> PlacedGains:
     """Gains from placed poles, without constraints on the gains, and with L open."""
-    units, best = balanced_units(search.problem), PlacedGains()
+    units, best = search.units, PlacedGains()
     limit = search.problem.options_as(IntervalOptions).gain_limit
     for poles in _pole_sets(units.A) if _is_open(search) else ():
         if search.budget.remaining() < 0:

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
-from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.interval.coordinates import bases, eigenbasis
-from obsdesign.synthesis.interval.task import balanced_units
+from obsdesign.synthesis.interval.task import GainSearch
 from obsdesign.synthesis.placement import placed_gain
 
 # radii of the poles that coordinates are made for, from sample to sample
 _RADII = (0.9, 0.6, 0.3)
 
 
-def sampled_bases(problem: Problem, given: Mapping[str, Array]) -> Iterator[Matrix]:
+def sampled_bases(search: GainSearch) -> Iterator[Matrix]:
     """Coordinates to try: those of flow and jump, then of the step with its sample."""
-    plant = problem.plant
+    plant, given, units = search.problem.plant, search.given, search.units
     zero = np.zeros((plant.n, plant.p))
-    yield from bases(problem, zero, zero)
-    h, units = float(problem.require("output.period")), balanced_units(problem)
+    yield from bases(plant, zero, zero, units)
+    h = float(search.problem.require("output.period"))
     flow = expm(plant.flow.A * h)
     if not np.isfinite(flow).all():
         return

@@ -78,14 +78,17 @@ class Task:
         S: Matrix | None,
         given: Mapping[str, Array],
         user: UserConstraints | None = None,
+        *,
+        units: BalancedPlant | None = None,
     ) -> Task:
         """The task in coordinates S (None: the plant's own, in balanced units).
 
-        given: L, M as far as fixed; user: constraints beside those of the problem.
+        given: L, M as far as fixed; user: constraints beside those of the problem; units:
+        `balanced_units` of the problem where they are known.
         """
         plant = problem.plant
         n, p = plant.n, plant.p
-        units = balanced_units(problem)
+        units = balanced_units(problem) if units is None else units
         basis = np.diag(units.sizes) if S is None else S
         inward: Matrix = np.asarray(np.linalg.inv(basis))
         C, V = plant.output.C, problem.require_noise_bound()
@@ -207,7 +210,14 @@ class GainSearch:
 
     def task(self, positive: bool, S: Matrix | None) -> Task:
         """The task in coordinates S (None: the plant's own)."""
-        return Task.from_problem(self.problem, positive, S, self.given, self.user)
+        return Task.from_problem(
+            self.problem, positive, S, self.given, self.user, units=self.units
+        )  # fmt: skip
+
+    @cached_property
+    def units(self) -> BalancedPlant:
+        """`balanced_units` of the problem, which take longer than the rest of a task."""
+        return balanced_units(self.problem)
 
 
 def balanced_units(problem: Problem) -> BalancedPlant:

@@ -19,8 +19,10 @@ from obsdesign.analysis.set_membership.requirements import (
     unobservable_part,
 )
 from obsdesign.equations.set_membership.gains import SetMembershipGains
+from obsdesign.equations.set_membership.pattern import Pattern
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.options import SetMembershipOptions
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.set_membership.tube import WORK, Search, Tube, Witness
@@ -80,13 +82,10 @@ def _chosen(problem: Problem, budget: TimeBudget) -> _Window:
         return _Window(default)
     gains = _gains(problem, default)
     search = Search(gains, pattern, budget.scaled(WORK))
-    lengths = sorted({max(count, least) for count in _TRIED})
-    if unobservable_part(plant) is None:
-        observed = [count for count in lengths if determines_state(gains, pattern, count)]
-        lengths = observed or lengths[-1:]
-        default = options.window or max(default, lengths[0])
+    lengths = [options.window] if options.window else _lengths(plant, gains, pattern, least)
+    default = max(default, lengths[0])
     tubes, witness = dict[int, Tube](), None
-    for count in lengths if options.window is None else (options.window,):
+    for count in lengths:
         tube = search.tube(count)
         if tube is None:
             continue
@@ -102,6 +101,19 @@ def _chosen(problem: Problem, budget: TimeBudget) -> _Window:
     limit = _NEAR * tubes[max(tubes)].width
     window = next(count for count, tube in tubes.items() if (tube.width <= limit).all())
     return _Window(window, tubes[window], witness, remarks)
+
+
+def _lengths(plant: Plant, gains: SetMembershipGains, pattern: Pattern, least: int) -> list[int]:
+    """Windows to try, of `least` stages or more; where they can, such that determine the state.
+
+    A longer window does where a shorter one does. The longest is tried in any case.
+    """
+    lengths = sorted({max(count, least) for count in _TRIED})
+    if unobservable_part(plant) is not None:
+        return lengths
+    while len(lengths) > 1 and not determines_state(gains, pattern, lengths[0]):
+        lengths = lengths[1:]
+    return lengths
 
 
 def _gains(problem: Problem, window: int) -> SetMembershipGains:

@@ -25,8 +25,11 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     absent = ["disturbance"] + (["unknown input d"] if plant.flow.D is not None else [])
     low = "" if plant.jump is None else f"{problem.require_dwell_time()[0]!r}"
     between = _between_samples(plant)
-    integrals = _KNOWN_INTEGRALS if "hurwitz" in verdicts else ""
-    main = _main_sentence(problem, low, " and ".join(absent) + integrals, between)
+    is_integral = "hurwitz" in verdicts
+    integrals = _KNOWN_INTEGRALS if is_integral else ""
+    # of samples the claim is about an impulse in the first interval
+    place = "" if is_integral else ", between its first two samples,"
+    main = _main_sentence(problem, low, " and ".join(absent) + integrals, (place, between))
     return (
         Guarantee.from_verdicts(main, needed, verdicts),
         *(
@@ -53,18 +56,19 @@ def _sentence(statement: str) -> str:
     return f"{statement[0].upper()}{statement[1:]}."
 
 
-def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str:
-    """Sentence for exact records, for the weighting, rule and weights of the problem."""
+def _main_sentence(problem: Problem, low: str, absent: str, onset: tuple[str, str]) -> str:
+    """Sentence for exact records, for the weighting, rule and weights of the problem.
+
+    onset: clauses on where in a window the impulse is, and on what is lost between samples.
+    """
+    place, between = onset
     options, output = problem.options_as(ImpulsiveInputOptions), problem.plant.output
     noisy = bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
     if (options.weighting or ("gls" if noisy else "plain")) == "gls":
         signs = "Negative weights are not looked for. " if options.nonnegative else ""
-        place = "that holds one impulse"
-        if _KNOWN_INTEGRALS not in absent:  # samples, whose claim is about the first interval
-            place = "that holds one impulse, between its first two samples,"
         return (
             f"Without noise and {absent}, and up to what is left of the initial error, the record "
-            f"of a window {place} determines its time and weight{between}. "
+            f"of a window that holds one impulse{place} determines its time and weight{between}. "
             f"{signs}What is reported is an estimate that allows for the stated noise, with its "
             "deviation: without noise too it is not exact, and an impulse that noise could explain "
             "is not reported."

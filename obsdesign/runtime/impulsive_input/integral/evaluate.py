@@ -170,9 +170,8 @@ class Evaluator:
     def weighted(self, window: Window, P: Matrix, at_start: bool) -> Decision | None:
         """Evaluate whitened features of a window; P (n, n): covariance of the error at t_o."""
         features, responses = (
-            whitened(window.taps, window.error, window.spread),
-            self.responses(window),
-        )
+            whitened(window.taps, window.error, window.spread), self.responses(window)
+        )  # fmt: skip
         noise = WindowNoise.from_features(features, responses, square_root(P), window.spread)
         R = noise.features.R
         impulse = self._fitted(window, responses, noise.features)
