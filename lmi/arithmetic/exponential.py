@@ -9,6 +9,7 @@ matrix exponential, ibid. 31 (2009), 970-989: large off-diagonal entries cost no
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,11 +97,12 @@ def _norm(X: Matrix) -> Matrix:
     return norm
 
 
-def _coefficients(degree: int) -> list[float]:
+@cache
+def _coefficients(degree: int) -> tuple[float, ...]:
     """Numerator coefficients of the [m/m] Pade approximant of exp, the last one scaled to 1."""
     m = degree
-    return [float(math.comb(m, k) * math.factorial(2 * m - k) // math.factorial(m))
-            for k in range(m + 1)]  # fmt: skip
+    return tuple(float(math.comb(m, k) * math.factorial(2 * m - k) // math.factorial(m))
+                 for k in range(m + 1))  # fmt: skip
 
 
 def _pade(X: Matrix, degree: int) -> Matrix:
@@ -119,18 +121,25 @@ def _pade(X: Matrix, degree: int) -> Matrix:
     return np.asarray(np.linalg.solve(even - odd, even + odd))
 
 
-def exponential_grid(F: ArrayLike, start: float, step: float, count: int) -> Matrix:
-    """e^{F (start + k step)}, k = 0..count-1, (count, n, n), by doubling: log2(count) products."""
+def exponential_grid(
+    F: ArrayLike, start: float, step: float, count: int, *, left: Matrix | None = None
+) -> Matrix:
+    """L e^{F (start + k step)}, k = 0..count-1, (count, r, n), L (r, n) or the identity.
+
+    By doubling: log2(count) products.
+    """
     F = np.asarray(F, dtype=np.float64)
+    rows = len(F) if left is None else len(left)
     require_memory(
-        f"{count} exponentials of {len(F)} states", count * F.size, "a shorter window is required"
-    )
-    grid = np.empty((count, *F.shape))
+        f"{count} exponentials of {len(F)} states", count * rows * len(F),
+        "a shorter window is required",
+    )  # fmt: skip
+    grid = np.empty((count, rows, len(F)))
     if count == 0:
         return grid
     with np.errstate(over="ignore", invalid="ignore"):
         ends = expm(np.stack([F * start, F * step]))
-        grid[0], power, filled = ends[0], ends[1], 1
+        grid[0], power, filled = ends[0] if left is None else left @ ends[0], ends[1], 1
         while filled < count:
             more = min(filled, count - filled)
             grid[filled : filled + more] = times(grid[:more], power)

@@ -14,7 +14,6 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, to_float
 from lmi.families import Edge
-from lmi.find.linear_program import minimise
 from lmi.prove.positive import FORMS, SIDES, prove_copositive
 from lmi.verdict import Verdict, undecided
 
@@ -87,6 +86,8 @@ def _program(operators: Matrix) -> Matrix | None:
     sides = np.full(k * n + 1, -np.inf), np.zeros(k * n + 1)
     sides[0][-1] = sides[1][-1] = n
     bounds = np.array([*np.zeros(n), -np.inf]), np.array([*np.full(n, np.inf), 1.0])
+    from lmi.find.linear_program import minimise  # slow to import, and few pairs need it
+
     x = minimise(-np.eye(n + 1)[-1], A, sides, bounds)
     if x is None or x[-1] <= 1e-9 or not (x[:n] > 0).all():
         return None

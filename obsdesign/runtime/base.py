@@ -25,6 +25,10 @@ Row = tuple[float, Vector | None, Vector | None]
 # Numbers below it are multiplied, squared and added without any thought of overflow.
 MODERATE = 1e100
 
+# a NamedTuple from all its fields in their order: its own constructor, a function in Python, takes
+# as long as the product of a step
+by_position = tuple.__new__
+
 
 class Sample(NamedTuple):
     """One row of data at time t, in the plant's time unit.

@@ -93,26 +93,33 @@ def feature_units(F: Array, n: int, time: float) -> Array:
 def feature_flows(
     F: Array, n: int, start: float, step: float, count: int, *, units: Array | None = None
 ) -> Array:
-    """First n columns of e^{F s} at s = start, start + step, ..., (count, len(F), n).
-
-    In units of their own meanwhile, `feature_units` of F where they are known: those of x, y and
-    time cost no digits, and a record times a power of two leaves the same features times it, bit
-    for bit.
-    """
+    """First n columns of e^{F s} at s = start, start + step, ..., (count, len(F), n)."""
     if units is None:
         units = feature_units(F, n, abs(start) + abs(step) * count)
-    flows = exponential_grid(F * units / units[:, None], start, step, count)
-    with np.errstate(over="ignore", invalid="ignore"):  # beyond floats: infinite, as in the grid
-        return np.asarray(flows[:, :, :n] * units[:, None] / units[:n])
+    return _flowing(F, np.eye(n), start, step, count, units=units)
 
 
 def impulse_responses(
     F: Array, H: Array, step: float, count: int, *, units: Array | None = None
 ) -> Array:
     """[e^{D s} H; b(s)] at s = 0, step, ..., (count, n + m p, q); units: as `feature_flows`."""
-    flows = feature_flows(F, len(H), 0.0, step, count, units=units)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(flows @ H)
+    if units is None:
+        units = feature_units(F, len(H), abs(step) * count)
+    return _flowing(F, H, 0.0, step, count, units=units)
+
+
+def _flowing(F: Array, H: Array, start: float, step: float, count: int, *, units: Array) -> Array:
+    """e^{F s} [H; 0] at s = start, start + step, ..., (count, len(F), q).
+
+    In units of their own meanwhile, `feature_units`: those of x, y and time cost no digits, and a
+    record times a power of two leaves the same features times it, bit for bit.
+    """
+    n, columns = len(H), np.zeros((len(F), H.shape[1]))
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond floats: infinite, as in the grid
+        columns[:n] = H / units[:n, None]
+        scaled = F * units / units[:, None]
+        flows = exponential_grid(scaled.T, start, step, count, left=columns.T)
+        return np.asarray(flows.transpose(0, 2, 1) * units[:, None])
 
 
 def window_matrix(

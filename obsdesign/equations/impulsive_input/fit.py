@@ -117,14 +117,13 @@ def _refine(
     """Newton on F inside the bracket around grid point k; bisection where it would leave it."""
     n, origin = curve.n, k * curve.step
     series = curve.series(k)
-    b_series = _weighted(series[:, n:], weighting)
     F_series = curve.F[n:]
 
     def derivatives(age: float) -> tuple[Matrix, Matrix, Matrix]:
         whole = power_sum(series, age - origin)
         first = F_series @ whole
         second = F_series @ (curve.F @ whole)
-        return (power_sum(b_series, age - origin), _weighted(first, weighting),
+        return (_weighted(whole[n:], weighting), _weighted(first, weighting),
                 _weighted(second, weighting))  # fmt: skip
 
     low, high = bracket

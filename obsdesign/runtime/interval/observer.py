@@ -26,6 +26,7 @@ from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
     Sample,
+    by_position,
     instant,
     later,
     optional_measurement,
@@ -251,5 +252,6 @@ def _usual_step(
         ends = largest([out[block] for block in inner])
         if any(map(gt, ends[:n].tolist(), map(neg, ends[n:].tolist()))):
             return None
-    following = IntervalState(t, ends, state.u, v[y_end], state.guard, True, t, "", t, True)
-    return following, Estimate(t, None, lower, upper)
+    fields = (t, ends, state.u, v[y_end], state.guard, True, t, "", t, True, None, None)
+    following = by_position(IntervalState, fields)
+    return following, by_position(Estimate, (t, None, lower, upper, None, (), "ok", None, None))

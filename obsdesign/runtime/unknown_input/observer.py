@@ -32,6 +32,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Stepped,
+    by_position,
     centred,
     instant,
     later,
@@ -189,9 +190,9 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             status = status_of([status] if status != "ok" else [], x, d)
         elif u is not state.u or not state.moderate:
             moderate = hypot(*u.tolist()) < MODERATE
-        # by position: names cost a tenth of a step
-        following = UnknownInputState(t, t, x, w, y, u, None, slope, interval, True, moderate)
-        return following, Estimate(t, x, None, None, d, (), status)
+        fields = (t, t, x, w, y, u, None, slope, interval, True, moderate)
+        following = by_position(UnknownInputState, fields)
+        return following, by_position(Estimate, (t, x, None, None, d, (), status, None, None))
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""

@@ -86,6 +86,16 @@ def test_a_grid_is_its_points(n: int, count: int, seed: int) -> None:
         )
 
 
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 6), st.integers(1, 3), st.integers(1, 70), st.integers(0, 10_000))
+def test_rows_of_a_grid_are_those_times_the_grid(n: int, r: int, count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    F, left, step = rng.standard_normal((n, n)), rng.standard_normal((r, n)), rng.uniform(0, 0.1)
+    rows = exponential_grid(F, 0.3, step, count, left=left)
+    whole = left @ exponential_grid(F, 0.3, step, count)
+    np.testing.assert_allclose(rows, whole, rtol=1e-10, atol=1e-10 * np.abs(whole).max())
+
+
 def test_integrals_of_a_singular_flow() -> None:
     # double integrator: e^{As} = [[1, s], [0, 1]]
     flow, integral = flow_integrals([[0.0, 1], [0, 0]], 3.0)
