@@ -26,7 +26,10 @@ _ANY = (0.0, math.inf)
 
 
 class Kept(NamedTuple):
-    """Guards of events and times of the last samples, by sensor, as a state keeps them."""
+    """Guards of events and times of the last samples, by sensor, as a state keeps them.
+
+    A sample that was due at a jump which hides it counts as taken.
+    """
 
     guards: tuple[DwellGuard, ...]
     sampled: tuple[float, ...]
@@ -99,6 +102,8 @@ class Clocks:
             sentences += self._sensors_not_kept(kept, t, y, events)
         else:
             sentences += self._samples_not_kept(kept.sampled[0], t, y, started, bool(events))
+            if events and self._hides_sample(kept.sampled[0], t):
+                return Kept(tuple(guards), (t,)), sentences
         return Kept(tuple(guards), self.sampled_at(kept.sampled, t, y)), sentences
 
     def sampled_at(
@@ -132,6 +137,14 @@ class Clocks:
                 yield (
                     f"{sensor.name}: time {apart:.9g} since the last sample, above {sensor.gap:.9g}"
                 )
+
+    def _hides_sample(self, sampled: float, t: float) -> bool:
+        """Does a jump at t stand in for the sample that was due there?"""
+        gains = self.gains
+        if gains.period is None or gains.jump_measurement != "none":
+            return False
+        apart = t - sampled
+        return abs(apart - gains.period) <= time_tolerance(apart, t)
 
     def _samples_not_kept(
         self, sampled: float, t: float, y: Matrix | None, started: bool, jump: bool

@@ -65,6 +65,7 @@ def multipliers(reach: Reach, V: Matrix, steps: int, i: int) -> Matrix | None:
     if M == 0 or size == 0:
         return mu
     scale = np.abs(reach.H).sum(axis=1) + V[reach.rows[:, 1]]
+    scale[scale == 0] = 1.0  # an output of nothing, without noise
     H, noise = reach.H / scale[:, None], np.maximum(V[reach.rows[:, 1]] / scale, _LEAST_NOISE)
     # mu = mu+ - mu-, H'mu + a - b = g with a, b >= 0
     eye = np.eye(R)

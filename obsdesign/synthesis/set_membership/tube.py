@@ -120,11 +120,9 @@ class Search:
             now = self._witness(rows, steps)
             if now is None:
                 return best
-            gain = np.inf if best is None else float(
-                np.max((now.least - best.least) / np.maximum(now.least, 1e-300)))  # fmt: skip
+            if best is not None and (now.least - best.least <= _CONVERGED * now.least).all():
+                return now
             best = now
-            if gain < _CONVERGED:
-                break
         return best
 
     def _witness(self, rows: list[int], steps: int) -> Witness | None:

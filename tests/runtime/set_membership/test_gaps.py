@@ -16,6 +16,7 @@ from obsdesign.runtime.set_membership.recovery import bounds_from_samples
 from obsdesign.runtime.set_membership.series import FlowSeries
 from obsdesign.runtime.set_membership.stages import window_of
 from obsdesign.runtime.set_membership.tables import Tables
+from tests.systems.nominal_patterns import body_of
 from tests.systems.set_membership import Case, cases, flow_integral, observer_of
 
 CASES = cases()
@@ -107,7 +108,7 @@ def test_reach_is_above_the_integral_and_settles(t: float) -> None:
 
 
 @pytest.mark.parametrize("kick", [1e5, 1e7, 1e9])
-@pytest.mark.parametrize("seen", ["before", "after"])
+@pytest.mark.parametrize("seen", ["before", "after", "none"])
 def test_the_certified_width_holds_where_jumps_make_a_state_uselessly_wide(
     kick: float, seen: str
 ) -> None:
@@ -124,7 +125,10 @@ def test_the_certified_width_holds_where_jumps_make_a_state_uselessly_wide(
     design = obsdesign.design(obsdesign.Problem.from_dict(body))
     width = next(c for c in design.claims if c.id == "width")
     observer = from_design(design)
-    rows = [Sample(0.1 * k, np.zeros(2), jump=k % 3 == 0) for k in range(1, 100)]
+    hidden = 3 if seen == "none" else 100
+    rows = [
+        Sample(0.1 * k, np.zeros(2) if k % hidden else None, jump=k % 3 == 0) for k in range(1, 100)
+    ]
     start = observer.init(0.0, lower=-np.ones(3), upper=np.ones(3))
     estimates = list(observer.run(start, rows))
     assert {e.status for e in estimates} == {"ok"}
@@ -135,3 +139,20 @@ def test_the_certified_width_holds_where_jumps_make_a_state_uselessly_wide(
     behind = list(observer.run(start, [*rows[:60], *late]))[60:]
     assert behind[0].status != "ok"
     assert (_widths(behind)[30:] <= certified * (1 + 1e-6)).all()
+
+
+@pytest.mark.parametrize(
+    ("jump", "last"),
+    [
+        (0.5, "ok"),  # the sample that was due there is hidden
+        (0.4, "time 1 since the last sample, above 0.5"),  # none was due
+    ],
+)
+def test_a_jump_stands_in_for_the_sample_that_it_hides(jump: float, last: str) -> None:
+    body = body_of("degue", 0.5, [0.1, "inf"], window=6)
+    body["output"]["jump_measurement"] = "none"
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    y = np.zeros(1)
+    rows = [Sample(0.0, y), Sample(jump, jump=True), Sample(1.0, y)]
+    start = observer.init(0.0, lower=-np.ones(2), upper=np.ones(2))
+    assert [each.status for each in observer.run(start, rows)] == ["ok", "ok", last]
