@@ -268,22 +268,25 @@ def test_a_tube_of_rounding_alone_is_proved() -> None:
 
 
 @pytest.mark.parametrize(
-    ("C", "noise"),
+    ("noise", "b", "c", "period"),
     [
-        ([[0.0], [-1.19]], [0.0, 0.245]),  # nothing, known exactly
-        ([[0.0], [-1.19]], [0.354, 1.6e-3]),  # the first horizon sees no width at all
+        ([0.0, 0.245], 3219.6, 3.3e7, 0.25),  # nothing, known exactly
+        ([0.354, 1.6e-3], 11811.9, 0.066, 1.0),  # the first horizon shows no width at all
     ],
 )
-def test_an_output_of_nothing_changes_no_width(C: list[list[float]], noise: list[float]) -> None:
+def test_an_output_of_nothing_changes_no_width(
+    noise: list[float], b: float, c: float, period: float
+) -> None:
     body = {
-        "flow": {"A": [[0.779]], "disturbance": {"lower": [-3219.6], "upper": [3219.6]}},
-        "jump": {"G": [[1.0]], "dwell_time": [0.75, "inf"],
-                 "disturbance": {"lower": [-3.3e7], "upper": [3.3e7]}},
-        "output": {"C": C, "noise_bound": noise, "measured": "periodic", "period": 0.25},
-        "observer": {"kind": "set_membership", "window": 8},
+        "flow": {"A": [[0.779]], "disturbance": {"lower": [-b], "upper": [b]}},
+        "jump": {"G": [[1.0]], "dwell_time": [3 * period, "inf"],
+                 "disturbance": {"lower": [-c], "upper": [c]}},
+        "output": {"C": [[0.0], [-1.91]], "noise_bound": noise, "measured": "periodic",
+                   "period": period},
+        "observer": {"kind": "set_membership"},
     }  # fmt: skip
     both = copy.deepcopy(body)
-    both["output"] |= {"C": C[1:], "noise_bound": noise[1:]}
+    both["output"] |= {"C": [[-1.91]], "noise_bound": noise[1:]}
     for key in ("width", "best"):
         alone = numbers(_investigated(both), key)
         assert numbers(_investigated(body), key) == pytest.approx(alone, rel=1e-6)
