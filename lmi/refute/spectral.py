@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Balls,
     Exact,
     ball,
     exact,
@@ -190,13 +191,26 @@ def _settled(F: Exact, H: Exact, *thetas: float) -> tuple[bool | None, str, int]
 
     None where no precision tells.
     """
-    unit = identity(len(H))
+
+    def product() -> Balls:
+        maps = {theta: exp_times(F, theta) * ball(H) for theta in set(thetas)}
+        M = maps[thetas[0]]
+        for theta in thetas[1:]:
+            M = maps[theta] * M
+        return M
+
+    return decide_radius(product, len(H))
+
+
+def decide_radius(product: Callable[[], Balls], n: int) -> tuple[bool | None, str, int]:
+    """(is the spectral radius < 1, by which test, with how many bits); None if none tells.
+
+    product: of n x n matrices, in the precision that is set when it is called.
+    """
+    unit = identity(n)
     for bits in PRECISIONS:
         with precision(bits), np.errstate(all="ignore"):
-            maps = {theta: exp_times(F, theta) * ball(H) for theta in set(thetas)}
-            M = maps[thetas[0]]
-            for theta in thetas[1:]:
-                M = maps[theta] * M
+            M = product()
             if (unit - M).det() < 0:
                 return False, "det(I - M) < 0: a real eigenvalue above 1", bits
             if (unit + M).det() < 0:
