@@ -9,7 +9,7 @@ import json
 from dataclasses import MISSING, fields
 from typing import Any
 
-from obsdesign.kinds import GAINS, KINDS
+from obsdesign.kinds import GAINS, KINDS, WITH_NAMED_GAINS
 from obsdesign.problem.clocks import Event, Sensor
 from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF
 from obsdesign.problem.plant import Flow, Jump, Output
@@ -43,6 +43,16 @@ KIND = {
     "enum": list(KINDS),
     "title": "an observer kind",
     "description": "Which observer; without one, only commands that ask for all kinds can be used.",
+}
+# an event or a sensor by its name, with gains of its own
+NAMED = "^[a-z][a-z0-9_]*$"
+GAINS_OF_NAMED = {
+    "type": "object",
+    "title": "a table { L = [...] } of a sensor or { M = [...] } of an event",
+    "properties": {"L": ref("gain_matrix"), "M": ref("gain_matrix")},
+    "additionalProperties": False,
+    "description": "Gains of a sensor (L, n x its outputs: at its samples, x+ = x + L(y - C x)) or "
+    "of an event (M, n x p: x+ = G x + M(y - C x)), by its name.",
 }
 GAIN_DESCRIPTIONS = {
     "D0": "n x n: own split of A - L C = D0 - D1.",
@@ -110,6 +120,7 @@ def _observer() -> dict[str, Any]:
                 "type": "object",
                 "title": "a table of gain matrices",
                 "properties": gains,
+                "patternProperties": {NAMED: GAINS_OF_NAMED},
                 "additionalProperties": False,
                 "description": "Gains that are kept; what is missing is synthesised.",
             },
@@ -126,13 +137,15 @@ def _observer() -> dict[str, Any]:
 
 
 def _kind(kind: str) -> dict[str, Any]:
-    gains = dict.fromkeys(GAINS[kind], True)
+    gains: dict[str, Any] = {"properties": dict.fromkeys(GAINS[kind], True)}
+    if kind in WITH_NAMED_GAINS:
+        gains["patternProperties"] = {NAMED: True}
     options: Any = OPTIONS_OF[kind]
     return {
         "title": f"[observer] of kind {kind}",
         "properties": {
             "kind": True,
-            "gains": {"properties": gains, "additionalProperties": False},
+            "gains": {**gains, "additionalProperties": False},
             **{option.name: option.metadata["schema"] for option in fields(options)},
         },
         "additionalProperties": False,

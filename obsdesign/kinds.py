@@ -70,8 +70,10 @@ GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {kind.name: kind.gains for 
 
 # kinds that give bounds: they start from bounds of the state
 GIVING_BOUNDS = ("interval", "set_membership")
-# kinds that take several events and sensors, each on a clock of its own
-TAKING_CLOCKS = ("set_membership",)
+# kinds that take several events and sensors, each on a clock of its own, and which of them have
+# gains for each by its name
+TAKING_CLOCKS = ("interval", "set_membership")
+WITH_NAMED_GAINS = ("interval",)
 
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
-from obsdesign.equations.gains import Stored, count, matrix, number, text, word
-from obsdesign.equations.plant import Jump, Output
+from lmi.arithmetic.arrays import Array, NewEntries
+from obsdesign.equations.gains import Stored, count, flow_data, matrix, number, text, word
+from obsdesign.equations.plant import Jump, Output, Plant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,3 +75,18 @@ class SensorGains(Stored):
             name=sensor.name, outputs=len(sensor.C), sees=sensor.jump_measurement, gap=sensor.gap,
             event=sensor.event,
         )  # fmt: skip
+
+
+def clock_data(plant: Plant) -> NewEntries:
+    """The numbers of a plant with several clocks that a design stores.
+
+    Its outputs are those of all sensors, one above the other; `jump_measurement` is of each sensor.
+    """
+    outputs = plant.outputs
+    events = [EventGains.from_event(event).to_document() for event in plant.events]
+    sensors = [SensorGains.from_sensor(sensor).to_document() for sensor in plant.sensors]
+    data: NewEntries = flow_data(plant) | {"C": outputs.C, "sensors": sensors}
+    data |= {"events": events} if events else {}
+    data |= {"noise_bound": outputs.noise_radius, "noise_centre": outputs.noise_centre}
+    data |= {"jump_measurement": "before"}
+    return {name: value for name, value in data.items() if value is not None}

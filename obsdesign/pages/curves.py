@@ -89,6 +89,8 @@ def _nothing_to_show(stored: _Stored, evidence: _Evidence) -> Curve | None:
 
 
 def _interval(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    if "sensors" in stored:  # clocks of their own have no one dwell time to draw it over
+        return None
     gains = IntervalGains.from_document(stored)
     system = WidthSystem.from_gains(gains)
     if system.K is not None and gains.period is not None:

@@ -15,7 +15,8 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.entries import in_range, matrix, shown
 from obsdesign.errors import InputError
-from obsdesign.kinds import GAINS, kind_named
+from obsdesign.kinds import GAINS, WITH_NAMED_GAINS, kind_named
+from obsdesign.problem import named_gains
 from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF, is_whole
 from obsdesign.problem.options_base import Options, UnassignedOptions
 from obsdesign.problem.plant import Plant
@@ -30,7 +31,10 @@ def gains(given: Entries, kind: str | None, plant: Plant) -> dict[str, Matrix]:
     InputError also for coordinates that are singular or do not hold D where they must.
     """
     matrices = {}
-    for name, values in given.items():
+    for name, values in named_gains.flattened(given, kind, plant).items():
+        if "." in name:
+            matrices[name] = named_gains.sized(values, name, plant)
+            continue
         entry = f"observer.gains.{name}"
         matrices[name] = (
             matrix(values, entry) if kind is None else _sized(values, entry, kind, plant)
@@ -134,7 +138,11 @@ def for_kind(observer: Entries, kind: str) -> tuple[NewEntries, list[str]]:
     kept = {"kind": kind, "gains": given}
     dropped = []
     if isinstance(given, Mapping):
-        kept["gains"] = {name: value for name, value in given.items() if keeps(name, GAINS)}
+        kept["gains"] = {
+            name: value
+            for name, value in given.items()
+            if keeps(name, GAINS) and (not isinstance(value, Mapping) or kind in WITH_NAMED_GAINS)
+        }
         dropped = [f"gains.{name}" for name in given if name not in kept["gains"]]
     stated = {name: value for name, value in observer.items() if name not in ("kind", "gains")}
     kept |= {name: value for name, value in stated.items() if keeps(name, OPTIONS)}

@@ -21,6 +21,7 @@ from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
 from obsdesign.problem.clocks import Event, Sensor, check_clocks
 from obsdesign.problem.file import read_problem_file
+from obsdesign.problem.named_gains import nested
 from obsdesign.problem.options_base import Options
 from obsdesign.problem.plain import as_block, entries_of
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
@@ -111,7 +112,7 @@ class Problem:
         observer = {} if self.kind is None else {"kind": self.kind}
         stated = self.options.to_document()
         if observer or self.gains or stated:
-            body["observer"] = observer | {"gains": dict(self.gains)} | stated
+            body["observer"] = observer | {"gains": nested(self.gains)} | stated
         result: NewEntries = jsonable(body)
         return result
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
@@ -67,14 +68,19 @@ def _sentence(error: Value, body: Value, schema: Value) -> str:
         return _unknown(error.instance, path, _names(), body, schema)
     if error.validator == "additionalProperties":
         known = list(error.schema.get("properties", {}))
-        name = next(key for key in error.instance if key not in known)
+        patterns = tuple(error.schema.get("patternProperties", ()))
+        name = next(
+            key
+            for key in error.instance
+            if key not in known and not any(re.search(one, str(key)) for one in patterns)
+        )
         return _unknown(name, path, known, body, schema)
     if error.validator == "not":  # a block beside those it may not be mixed with
         return _mixed(path[0], body)
     if error.validator == "required":
         name = next(key for key in error.validator_value if key not in error.instance)
         return f"{_entry([*path, name])} is required; it is missing."
-    return _value(error, path, body)
+    return _value(error, path, body, schema)
 
 
 def _named(path: list[Value], body: Value) -> list[Value]:
@@ -126,6 +132,16 @@ def _unknown(key: Value, path: list[Value], known: list[str], body: Value, schem
     return f"unknown key {name!r}{where}: this kind has none here."
 
 
+def _gain_names(schema: Value) -> list[str]:
+    return list(schema["properties"]["observer"]["properties"]["gains"]["properties"])
+
+
+def _owners(body: Value) -> list[Value]:
+    """Names of events and sensors, as far as a body has them."""
+    tables = [table for title in _LISTED for table in body.get(title, ())]
+    return [table["name"] for table in tables if isinstance(table, dict) and "name" in table]
+
+
 def _home(name: str, schema: Value, body: Value) -> str | None:
     """The only block that knows this name; None where none or several do."""
     has_tables = any(title in body for title in _LISTED)
@@ -134,8 +150,7 @@ def _home(name: str, schema: Value, body: Value) -> str | None:
         for title, block in schema["properties"].items()
         if title not in (_PLAIN if has_tables else _LISTED)
     }
-    observer = schema["properties"]["observer"]["properties"]
-    blocks |= {"observer": _names(), "observer.gains": list(observer["gains"]["properties"])}
+    blocks |= {"observer": _names(), "observer.gains": _gain_names(schema)}
     homes = [title for title, names in blocks.items() if name in names]
     return homes[0] if len(homes) == 1 else None
 
@@ -149,7 +164,11 @@ def _nearest(name: str, known: list[str]) -> list[str]:
     return [k for k in known if k.lower() in near][:1]
 
 
-def _value(error: Value, path: list[Value], body: Value) -> str:
+def _value(error: Value, path: list[Value], body: Value, schema: Value) -> str:
+    if path[:2] == ["observer", "gains"] and len(path) == 3 and path[2] not in _owners(body):
+        known = list(error.parent.schema["properties"]) if error.parent else _gain_names(schema)
+        if path[2] not in known:
+            return _unknown(path[2], path[:2], known, body, schema)
     wanted = error.schema.get("title")
     if wanted is None and error.parent is not None:
         wanted = error.parent.schema.get("title")

@@ -34,6 +34,10 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
         from obsdesign.runtime.unknown_input.fixed_lag import FixedLagObserver
 
         return FixedLagObserver
+    if kind == "interval" and "sensors" in gains:
+        from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver
+
+        return ClockedIntervalObserver
     classes = vars(importlib.import_module(known.module("observer")))
     return cast(RunnableKind, classes[known.observer])
 

@@ -17,6 +17,7 @@ from obsdesign.data.csv_text import table_text
 from obsdesign.data.records import Layout, read_samples
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
+from obsdesign.kinds import TAKING_CLOCKS
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime.base import Sample
 from tests.systems.clocks import DOSES
@@ -86,11 +87,15 @@ def test_a_simulated_record_is_read_back(tmp_path: Path) -> None:
     assert [row.events for row in rows] == [tuple(np.flatnonzero(row)) for row in run.happened]
 
 
-def test_every_command_knows_named_clocks_or_refuses_them_in_a_line(tmp_path: Path) -> None:
-    design = obsdesign.design(Problem.from_dict(DOSES))
+@pytest.mark.parametrize("kind", TAKING_CLOCKS)
+def test_every_command_knows_named_clocks_or_refuses_them_in_a_line(
+    kind: str, tmp_path: Path
+) -> None:
+    body = {**DOSES, "observer": {"kind": kind}}
+    design = obsdesign.design(Problem.from_dict(body), allow_undecided=True)
     path = {name: str(tmp_path / name) for name in ("d.json", "p.json", "a.csv", "e.csv", "r.mat")}
     design.save(path["d.json"])
-    Path(path["p.json"]).write_text(json.dumps(DOSES), encoding="utf-8")
+    Path(path["p.json"]).write_text(json.dumps(body), encoding="utf-8")
     start = "--initial=-2,2,-2,2,-2,2"
     commands: list[tuple[list[str], int]] = [
         (["verify", path["d.json"]], 0),
@@ -104,7 +109,8 @@ def test_every_command_knows_named_clocks_or_refuses_them_in_a_line(tmp_path: Pa
         (["sweep", path["p.json"], "--over", "event[0].every[0]=5:6:2",
           "-o", str(tmp_path / "s.jsonl")], 0),
         (["compare", path["p.json"], "--data", path["a.csv"], "--time", "1"], 0),
-        (["design", path["p.json"], "--kind", "interval", "-o", path["d.json"]], 2),
+        (["check", path["p.json"], "--time", "1"], 0),
+        (["design", path["p.json"], "--kind", "luenberger", "-o", path["d.json"]], 2),
         (["search", path["p.json"], "--for", "shortest_dwell"], 2),
     ]  # fmt: skip
     for arguments, code in commands:

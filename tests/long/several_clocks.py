@@ -1,11 +1,11 @@
 """Does the state ever leave its bounds where several events and sensors run on their own clocks?
 
-    python -m tests.long.several_clocks [PLANTS] [FIRST_SEED]
+    python -m tests.long.several_clocks [PLANTS] [FIRST_SEED] [KIND]
 
-Random plants (n = 1..4, one to three events, one to three sensors: ranges of times, periods with
+Kind set_membership (default) or interval, of which every other plant has random gains. Random plants (n = 1..4, one to three events, one to three sensors: ranges of times, periods with
 jitter and losses, at an event; before and after it), disturbances and noise at their ends, row by
-row or held, dropouts beyond the stated ones, rows of one time apart or together. Prints rows, rows
-outside and contradictions; exits with 1 on one of either.
+row or held, dropouts beyond the stated ones, rows of one time apart or together, times from 0 or
+from 1.7e9 on. Prints rows, rows outside and contradictions; exits with 1 on one of either.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from obsdesign.runtime.base import Sample, rows_of
 
 # the simulated truth is rounded, relative to the size of the state
 _ROUNDING = 1e-11
+# seconds of the year 2023
+_LATE = 1.7e9
 
 
 class _Ends:
@@ -41,17 +43,30 @@ class _Ends:
         return getattr(self._rng, name)
 
 
-def random_body(rng: np.random.Generator) -> dict[str, Any]:
-    """A random plant with several clocks, of kind set_membership."""
+def random_body(rng: np.random.Generator, kind: str) -> dict[str, Any]:
+    """A random plant with several clocks."""
     n = int(rng.integers(1, 5))
     names = [f"event_{k}" for k in range(rng.integers(1, 4))]
     A = rng.normal(size=(n, n)) - np.eye(n) * rng.uniform(0, 2.5)
     body: dict[str, Any] = {"flow": {"A": A, "disturbance": _box(rng, n)}}
     body["event"] = [_event(rng, n, name) for name in names]
     body["sensor"] = [_sensor(rng, n, k, names) for k in range(rng.integers(1, 4))]
+    if kind == "interval":
+        return body | {"observer": {"kind": kind, "gains": _gains(rng, body)}}
     # long enough for its samples to determine the state
     window = 2 * n + 2 + int(rng.integers(6))
     return body | {"observer": {"kind": "set_membership", "window": window, "steps": 4}}
+
+
+def _gains(rng: np.random.Generator, body: dict[str, Any]) -> dict[str, Any]:
+    """Gains of any size, or none; those at events use what sees the state before."""
+    if rng.random() < 0.5 or len(body["event"]) == len(body["sensor"]) == 1:
+        return {}
+    n = len(body["flow"]["A"])
+    sees = [sensor["sees"] == "before" for sensor in body["sensor"] for _ in sensor["C"]]
+    L = {x["name"]: {"L": 0.5 * rng.normal(size=(n, len(x["C"])))} for x in body["sensor"]}
+    M = {x["name"]: {"M": 0.5 * rng.normal(size=(n, len(sees))) * sees} for x in body["event"]}
+    return {**L, **M}
 
 
 def _box(rng: np.random.Generator, n: int) -> dict[str, Matrix]:
@@ -95,16 +110,16 @@ def apart(rows: list[Sample], p: int, rng: np.random.Generator) -> list[Sample]:
     return changed
 
 
-def violations(seed: int) -> tuple[int, int, bool]:
+def violations(seed: int, kind: str = "set_membership") -> tuple[int, int, bool]:
     """(rows, rows outside, contradiction?) of one random plant."""
     rng = np.random.default_rng(seed)
-    problem = Problem(**random_body(rng))
+    problem = Problem(**random_body(rng, kind))
     observer = from_design(obsdesign.design(problem, allow_undecided=True))
-    kind = ("extreme", "random", "sine")[rng.integers(3)]
+    disturbance = ("extreme", "random", "sine")[rng.integers(3)]
     x = rng.normal(size=problem.plant.n)
     source: Any = _Ends(rng) if rng.random() < 0.7 else rng
     try:
-        run = simulate(problem.plant, until=12.0, initial=x, disturbance=kind, rng=source)
+        run = simulate(problem.plant, until=12.0, initial=x, disturbance=disturbance, rng=source)
     except InputError:  # an unstable plant
         return 0, 0, False
     rows = list(rows_of(run.t, run.block("y"), w=run.block("w"), jump=run.happened))
@@ -112,10 +127,14 @@ def violations(seed: int) -> tuple[int, int, bool]:
         rows = [row._replace(events=()) for row in rows]
     if not problem.plant.has_one_clock:
         rows = apart(rows, problem.plant.p, rng)
-    truth = dict(zip(run.t.tolist(), run.block("x"), strict=True))
+    since = 0.0 if problem.plant.has_one_clock else _LATE * rng.integers(2)
+    rows = [row._replace(t=since + row.t) for row in rows]
+    truth = dict(zip((since + run.t).tolist(), run.block("x"), strict=True))
     # the start is that of the first row, before its events
     reach = 10.0 * (1 + np.abs(run.block("x")[0]).max() + np.abs(x).max())
-    state = observer.init(run.t[0], lower=-reach * np.ones(len(x)), upper=reach * np.ones(len(x)))
+    state = observer.init(
+        since + run.t[0], lower=-reach * np.ones(len(x)), upper=reach * np.ones(len(x))
+    )
     outside, crossed, size = 0, False, np.abs(x)
     for row, estimate in zip(rows, observer.run(state, rows), strict=True):
         size = np.maximum(size, np.abs(truth[row.t]))
@@ -128,11 +147,11 @@ def violations(seed: int) -> tuple[int, int, bool]:
     return len(rows), outside, crossed
 
 
-def main(plants: int = 200, first: int = 0) -> int:
+def main(plants: int = 200, first: int = 0, kind: str = "set_membership") -> int:
     """Run that many plants; the exit code."""
     rows, outside, contradictions = 0, 0, 0
     for seed in range(first, first + plants):
-        count, bad, crossed = violations(seed)
+        count, bad, crossed = violations(seed, kind)
         rows, outside, contradictions = rows + count, outside + bad, contradictions + crossed
         if bad or crossed:
             print(
@@ -143,4 +162,4 @@ def main(plants: int = 200, first: int = 0) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*map(int, sys.argv[1:3])))
+    sys.exit(main(*map(int, sys.argv[1:3]), *sys.argv[3:4]))

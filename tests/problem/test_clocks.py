@@ -88,7 +88,9 @@ def test_a_sensor_or_an_output_is_required() -> None:
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in TAKING_CLOCKS])
 def test_a_kind_of_one_clock_names_those_of_several(kind: str) -> None:
-    with pytest.raises(DoesNotApply, match=r"the plant has 2 .* Observers for several: set_mem"):
+    with pytest.raises(
+        DoesNotApply, match=r"the plant has 2 .* Observers for several: interval, set_mem"
+    ):
         obsdesign.design(Problem.from_dict(DOSES).for_kind(kind)[0])
 
 

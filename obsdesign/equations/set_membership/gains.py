@@ -9,12 +9,11 @@ from typing import Self
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, NewEntries, Value
-from obsdesign.equations.clocks import EventGains, SensorGains
+from obsdesign.equations.clocks import EventGains, SensorGains, clock_data
 from obsdesign.equations.gains import (
     PlantGains,
     blocks,
     count,
-    flow_data,
     matrix,
     number,
     plant_data,
@@ -133,11 +132,11 @@ def _present(values: Array | None) -> Array:
 
 def plant_entries(plant: Plant) -> NewEntries:
     """The plant's numbers that this kind stores."""
-    entries = plant_data(plant) if plant.has_one_clock else _clocks(plant)
+    entries = plant_data(plant) if plant.has_one_clock else clock_data(plant)
     if plant.flow.disturbance_matrix is not None:
         entries |= _bounded("", plant.flow)
     if not plant.has_one_clock:
-        return entries
+        return entries | {"measured": IRREGULAR}
     if plant.output.period is not None:
         entries["period"] = plant.output.period
     if plant.jump is not None and plant.jump.disturbance_matrix is not None:
@@ -151,15 +150,3 @@ def _bounded(prefix: str, block: Disturbed) -> NewEntries:
         f"{prefix}disturbance_lower": block.lower,
         f"{prefix}disturbance_upper": block.upper,
     }
-
-
-def _clocks(plant: Plant) -> NewEntries:
-    """The numbers of a plant with several clocks."""
-    outputs = plant.outputs
-    events = [EventGains.from_event(event).to_document() for event in plant.events]
-    sensors = [SensorGains.from_sensor(sensor).to_document() for sensor in plant.sensors]
-    data: NewEntries = flow_data(plant) | {"C": outputs.C, "measured": IRREGULAR}
-    data |= {"sensors": sensors} | ({"events": events} if events else {})
-    data |= {"noise_bound": outputs.noise_radius, "noise_centre": outputs.noise_centre}
-    data |= {"jump_measurement": "before"}
-    return {name: value for name, value in data.items() if value is not None}

@@ -44,6 +44,8 @@ class Fleet:
     def __post_init__(self) -> None:
         if not self.observers:
             raise ValueError("a fleet needs at least one observer.")
+        if not all(isinstance(each, IntervalObserver) for each in self.observers):
+            raise ValueError("observers of a fleet must be of plants with one event and one sensor")
         first = self.observers[0]
         for other, _ in self._designs:
             if (other.n, other.reads) != (first.n, first.reads):

@@ -96,7 +96,7 @@ def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
     n, p = model.L.mid.shape
     free = free_map(model, h, h_error)
     Phi, forced = _columns(free.X, slice(n)), _columns(free.X, slice(n + 2 * p, None))
-    K = _driven(F, model.L, h, h_error)[1]
+    K = driven(F, model.L, h, h_error)[1]
     outer = exactly(np.eye(n)) - K @ model.C
     spread = _spread(model, h, h_error)
     start, end = Phi - K @ model.C, outer @ Phi
@@ -110,7 +110,7 @@ def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
 
 def free_map(model: Model, h: float, h_error: float) -> BoxMap:
     """Return the map of a step of length h +- h_error without any measurement."""
-    Phi, forced = _driven(model.A, model.inputs, h, h_error)
+    Phi, forced = driven(model.A, model.inputs, h, h_error)
     g = _on_the_way(model, exactly(np.eye(len(model.b_rad))), h, h_error)
     return box_map(model, Phi, None, None, known=forced, R=size(Phi), g=g)
 
@@ -216,8 +216,8 @@ def _by_second_coordinates(
     return N, raised(back @ raised(entering, 4 * n), 2 * n)
 
 
-def _driven(A: Enclosure, B: Enclosure, h: float, error: float) -> tuple[Enclosure, Enclosure]:
-    """e^{A h} and int_0^h e^{A s} ds B, from one block exponential."""
+def driven(A: Enclosure, B: Enclosure, h: float, error: float) -> tuple[Enclosure, Enclosure]:
+    """e^{A h} and int_0^h e^{A s} ds B, from one block exponential; h is known to +- error."""
     n, m = B.mid.shape
     rows = [[A, B], [exactly(np.zeros((m, n))), exactly(np.zeros((m, m)))]]
     whole = expm(stack(rows).scaled(h, error))

@@ -1,38 +1,20 @@
-"""Clocks of events and sensors: what a sample saw, and which stated times are not kept.
-
-No stated time enters the bounds: a clock that is not kept voids claims about widths alone.
-"""
+"""Clocks of a multiplier observer: of named events and sensors, or of a jump and an output."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.clocks import SensorGains
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.runtime.base import Sample, no_jumps, vector
+from obsdesign.runtime.base import Sample
 from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.named_clocks import Kept, NamedClocks
 from obsdesign.runtime.time_stamps import time_tolerance
-
-# where no time between two events is stated
-_ANY = (0.0, math.inf)
-
-
-class Kept(NamedTuple):
-    """Guards of events and times of the last samples, by sensor, as a state keeps them.
-
-    A sample that was due at a jump which hides it counts as taken.
-    """
-
-    guards: tuple[DwellGuard, ...]
-    sampled: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -43,37 +25,17 @@ class Clocks:
 
     def begin(self, t: float) -> Kept:
         """No event so far; the time since the last sample counts from t on."""
-        guards = [DwellGuard.from_gains(self.gains)]
         if self.gains.sensors:
-            ends = [event.dwell_time for event in self.gains.events]
-            guards = [DwellGuard(*(_ANY if end is None else end.tolist())) for end in ends]
-        return Kept(tuple(guards), (t,) * max(len(self.gains.sensors), 1))
+            return self._named.begin(t)
+        return Kept((DwellGuard.from_gains(self.gains),), (t,))
 
     def events(self, sample: Sample) -> tuple[int, ...]:
         """Places of the events of a row; ValueError unless the plant has them."""
-        if not sample.jump:
-            return ()
-        names = [event.name for event in self.gains.every_event]
-        if not names:
-            raise no_jumps()
-        if len(names) == 1 and not sample.events:
-            return (0,)
-        if not sample.events or not all(0 <= k < len(names) for k in sample.events):
-            raise ValueError(
-                f"events must be places among {', '.join(names)}, from 0; got {sample.events!r}."
-            )
-        return tuple(int(k) for k in sample.events)
+        return self._named.places(sample)
 
     def inputs(self, sample: Sample, event: int) -> Matrix:
         """Known inputs w of an event, which stand behind those of the events before it."""
-        counts = [each.inputs for each in self.gains.every_event]
-        if sample.w is None:
-            return np.zeros(counts[event])
-        first = sum(counts[:event])
-        own = vector(sample.w, sum(counts), "w")[first : first + counts[event]]
-        if self.gains.sensors and not np.isfinite(own).all():
-            raise ValueError(f"w of event {self.gains.events[event].name} must be finite.")
-        return own
+        return self._named.inputs(sample, event)
 
     def parts(self, y: Matrix) -> Iterator[tuple[str, Matrix]]:
         """Measurements that saw an event's "before", "after" or "none" of it, NaN elsewhere."""
@@ -91,55 +53,25 @@ class Clocks:
     ) -> tuple[Kept, list[str]]:
         """Clocks after a row of measurements and events, and sentences on those not kept."""
         y, events = row
-        sentences, guards = list[str](), list[DwellGuard]()
-        for k, guard in enumerate(kept.guards):
-            following, violation = guard.after(t, k in events)
-            guards.append(following)
-            if violation is not None:
-                named = f"{self.gains.events[k].name}: " if self.gains.sensors else ""
-                sentences.append(named + violation)
         if self.gains.sensors:
-            sentences += self._sensors_not_kept(kept, t, y, events)
-        else:
-            sentences += self._samples_not_kept(kept.sampled[0], t, y, started, bool(events))
-            if events and self._hides_sample(kept.sampled[0], t):
-                return Kept(tuple(guards), (t,)), sentences
-        return Kept(tuple(guards), self.sampled_at(kept.sampled, t, y)), sentences
+            return self._named.after(kept, t, y, events)
+        guard, violation = kept.guards[0].after(t, 0 in events)
+        sentences = [] if violation is None else [violation]
+        sentences += self._samples_not_kept(kept.sampled[0], t, y, started, bool(events))
+        if events and self._hides_sample(kept.sampled[0], t):
+            return Kept((guard,), (t,)), sentences
+        return Kept((guard,), self.sampled_at(kept.sampled, t, y)), sentences
 
     def sampled_at(
         self, sampled: Sequence[float], t: float, y: Matrix | None
     ) -> tuple[float, ...]:  # fmt: skip
         """Times of the last samples after measurements y of time t, which may be a late one."""
-        if y is None:
-            return tuple(sampled)
-        there = self._of_sensors(y)
-        return tuple(
-            max(last, t) if np.isfinite(own).any() else last
-            for last, own in zip(sampled, there, strict=True)
-        )
-
-    def _of_sensors(self, y: Matrix) -> list[Matrix]:
-        ends = np.cumsum([sensor.outputs for sensor in self.gains.sensors])[:-1]
-        return np.split(y, ends) if self.gains.sensors else [y]
-
-    def _sensors_not_kept(
-        self, kept: Kept, t: float, y: Matrix | None, events: tuple[int, ...]
-    ) -> Iterator[str]:
-        """Sentences on sensors that are silent for longer than stated."""
-        gains = self.gains
-        happened = {gains.events[k].name for k in events}
-        values = self._of_sensors(np.full(gains.p, np.nan) if y is None else y)
-        for sensor, last, own in zip(gains.sensors, kept.sampled, values, strict=True):
-            has_all, apart = bool(np.isfinite(own).all()), t - last
-            if (sensor.gap == 0.0 or sensor.event in happened) and not has_all:
-                yield f"{sensor.name}: missing sample"
-            elif sensor.gap > 0.0 and apart > sensor.gap + time_tolerance(apart, t):
-                yield (
-                    f"{sensor.name}: time {apart:.9g} since the last sample, above {sensor.gap:.9g}"
-                )
+        if self.gains.sensors:
+            return self._named.sampled_at(sampled, t, y)
+        return tuple(sampled) if y is None else (max(sampled[0], t),)
 
     def _hides_sample(self, sampled: float, t: float) -> bool:
-        """Does a jump at t stand in for the sample that was due there?"""
+        """Does a jump at t hide the sample that was due there? It then counts as taken."""
         gains = self.gains
         if gains.period is None or gains.jump_measurement != "none":
             return False
@@ -173,5 +105,8 @@ class Clocks:
         """What each output sees at an event (p,)."""
         if not self.gains.sensors:
             return np.full(self.gains.p, self.gains.jump_measurement)
-        sensors: Sequence[SensorGains] = self.gains.sensors
-        return np.repeat([x.sees for x in sensors], [x.outputs for x in sensors])
+        return self._named.sees
+
+    @cached_property
+    def _named(self) -> NamedClocks:
+        return NamedClocks(self.gains.every_event, self.gains.sensors)

@@ -22,8 +22,9 @@ from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
+from obsdesign.runtime.named_clocks import Kept
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
-from obsdesign.runtime.set_membership.clocks import Clocks, Kept
+from obsdesign.runtime.set_membership.clocks import Clocks
 from obsdesign.runtime.set_membership.late import with_late_strip
 from obsdesign.runtime.set_membership.model import (
     Disturbance,

@@ -99,7 +99,8 @@ def _other_variants(kind: str, outcome: workflow.Outcome | InputError) -> list[s
     if isinstance(outcome, InputError) or outcome.design is None or outcome.verdict == "refuted":
         return []
     option, values = _VARIANTS.get(kind, ("", ()))
-    return [value for value in values if value != str(outcome.design.gains.get(option))]
+    used = outcome.design.gains.get(option)  # none where the plant leaves no choice
+    return [] if used is None else [value for value in values if value != str(used)]
 
 
 def _row(

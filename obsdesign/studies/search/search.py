@@ -77,6 +77,8 @@ def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> N
         return
     if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
         raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
+    if not problem.plant.has_one_clock:
+        raise InputError(f"--for {what} is not available with several clocks.")
     if problem.plant.output.measured == "periodic":
         raise InputError(
             f"--for {what} is not available with output.measured = 'periodic'; it must be "

@@ -42,6 +42,7 @@ from obsdesign.synthesis.interval.forms import gains_of_form
 from obsdesign.synthesis.interval.placed import FEWEST_STATES, PlacedGains, placed_gains
 from obsdesign.synthesis.interval.sampled_bases import sampled_bases
 from obsdesign.synthesis.interval.sampled_candidates import sampled_candidates
+from obsdesign.synthesis.interval.several_clocks import clocked_candidate
 from obsdesign.synthesis.interval.similarity import coordinates_of_assumption_4
 from obsdesign.synthesis.interval.task import GainSearch, Task
 
@@ -61,6 +62,9 @@ def synthesize_constrained(
 
     constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn.
     """
+    if not problem.plant.has_one_clock:
+        yield clocked_candidate(problem, constraints, budget)
+        return
     if reason := reason_against_plant(problem.plant):
         raise DoesNotApply(reason)
     if reason := reason_against(problem):
@@ -122,7 +126,8 @@ def _refuse_unexecutable(problem: Problem) -> None:
 
 def untried(problem: Problem) -> dict[str, str]:
     """Return the forms that `auto` passes over, with the reason."""
-    if problem.options_as(IntervalOptions).form != "auto" or {"S2", "R"} & set(problem.gains):
+    is_stated = problem.options_as(IntervalOptions).form != "auto"
+    if is_stated or {"S2", "R"} & set(problem.gains) or not problem.plant.has_one_clock:
         return {}
     why = (
         "not tried: gains.S and gains.S2 are required, and form coordinates with the same S is "

@@ -37,6 +37,7 @@ from obsdesign.verification.dwell import (
 from obsdesign.verification.gain_constraints import constraint_claims
 from obsdesign.verification.interval.obstruction import obstruction_claim, with_hints
 from obsdesign.verification.interval.sampled import at_any_spacing, samples_claim, spacing_claim
+from obsdesign.verification.interval.several_clocks import clocked_claims
 from obsdesign.verification.interval.signs import (
     FLOW,
     JUMP,
@@ -77,6 +78,8 @@ def claims(
     where one was found; they are checked, never believed.
     """
     del budget  # proofs end by their number of boxes
+    if not problem.plant.has_one_clock:
+        return clocked_claims(problem, stored, certificates)
     agreement, gains = consistent_gains(
         _reason_against(problem), stored, expected_gains(problem, stored),
         IntervalGains.from_document,

@@ -11,6 +11,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
+from obsdesign.verification.interval.several_clocks import clocked_guarantees
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
@@ -25,6 +26,8 @@ _ENCLOSURE = (
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those that were required and not proved."""
     plant = problem.plant
+    if not plant.has_one_clock:
+        return clocked_guarantees(claims)
     verdicts = {claim.id: claim.verdict for claim in claims}
     enclosing = _present(verdicts, ("consistent", "flow_positive", "jump_positive"))
     at_jumps = plant.output.measured == "at_jumps"

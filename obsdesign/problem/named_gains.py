@@ -1,0 +1,105 @@
+"""Gains of named events and sensors: tables in a file, `dose.M` and `plasma.L` in a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
+from obsdesign.entries import matrix, size_text
+from obsdesign.errors import InputError
+from obsdesign.problem.plant import Plant
+
+# gain of a sensor at its samples, of an event at its jumps
+OF_SENSOR, OF_EVENT = "L", "M"
+
+
+def flattened(given: Entries, kind: str | None, plant: Plant) -> NewEntries:
+    """Gains by one name each; those of one event or sensor as the kind has them for one clock.
+
+    InputError for a table that is of no event or sensor, and for gains that need one clock where
+    there are several.
+    """
+    tables = {name: value for name, value in given.items() if isinstance(value, Mapping)}
+    flat = {name: value for name, value in given.items() if name not in tables}
+    named = {
+        f"{name}.{gain}": value for name, table in tables.items() for gain, value in table.items()
+    }
+    for entry in named:
+        _check_owner(entry, plant)
+    if plant.has_one_clock:
+        return flat | {entry.rpartition(".")[2]: value for entry, value in named.items()}
+    if kind is None:
+        return flat | named
+    for name, value in flat.items():
+        named[_owned(name, plant)] = value
+    return named
+
+
+def nested(gains: Mapping[str, Matrix]) -> NewEntries:
+    """Gains as a file has them: a table for each event and sensor."""
+    result: NewEntries = {}
+    for entry, value in gains.items():
+        owner, _, gain = entry.rpartition(".")
+        if owner:
+            result.setdefault(owner, {})[gain] = value
+        else:
+            result[gain] = value
+    return result
+
+
+def sized(values: Value, entry: str, plant: Plant) -> Matrix:
+    """The gain of an event or a sensor, with a column for each output it uses; else InputError."""
+    owner, _, gain = entry.rpartition(".")
+    result = matrix(values, f"observer.gains.{entry}")
+    of, p = "of all sensors", plant.p
+    if gain == OF_SENSOR:
+        of, p = f"of {owner}", next(len(x.C) for x in plant.sensors if x.name == owner)
+    if result.shape != (plant.n, p):
+        hint = " Is it transposed?" if result.shape == (p, plant.n) else ""
+        raise InputError(
+            f"observer.gains.{entry} must be {plant.n}x{p} (n states, outputs {of}); got "
+            f"{size_text(result)}.{hint}"
+        )
+    if gain == OF_EVENT and result[:, plant.sees_after].any():
+        raise InputError(
+            f"observer.gains.{entry} must be zero in the columns of sensors that see the state "
+            "after events; their gain is L."
+        )
+    return result
+
+
+def _check_owner(entry: str, plant: Plant) -> None:
+    """InputError unless an entry is L of a sensor or M of an event."""
+    owner, _, gain = entry.rpartition(".")
+    listed = {
+        OF_EVENT: [event.name for event in plant.events if plant.has_tables],
+        OF_SENSOR: [sensor.name for sensor in plant.sensors if plant.has_tables],
+    }
+    if owner in listed[gain]:
+        return
+    if any(owner in names for names in listed.values()):
+        what = "an event has M" if gain == OF_SENSOR else "a sensor has L"
+        raise InputError(f"observer.gains.{owner}: {what}; got {gain}.")
+    names = ", ".join(name for names in listed.values() for name in names) or "none"
+    raise InputError(
+        f"observer.gains.{owner} must be of an event or a sensor of the plant ({names})."
+    )
+
+
+def _owned(name: str, plant: Plant) -> str:
+    """The name of a plain L or M of the one sensor or event; InputError for others."""
+    owners = [x.name for x in plant.sensors if name == OF_SENSOR]
+    owners += [x.name for x in plant.events if name == OF_EVENT]
+    if name not in (OF_SENSOR, OF_EVENT):
+        raise InputError(
+            f"observer.gains.{name} is not available with several clocks: their bounds are in the "
+            "plant's own coordinates, and gains are L of a sensor and M of an event."
+        )
+    if len(owners) != 1:
+        what = "sensor" if name == OF_SENSOR else "event"
+        example = f"{{ {owners[0]} = {{ {name} = ... }} }}" if owners else "none"
+        raise InputError(
+            f"observer.gains.{name} is of one {what}; the plant has {len(owners)}. Write "
+            f"observer.gains = {example}."
+        )
+    return f"{owners[0]}.{name}"

@@ -1,0 +1,215 @@
+"""Interval observer for several events and sensors, each on a clock of its own.
+
+Every sample is used in the best way: the box is cut with the strips of its outputs and with the box
+that the sensor's gain leads to, sensor by sensor. Each of these operations takes a smaller box to a
+smaller one, and none makes a box larger: a sample that is missing never narrows what follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lmi.arithmetic.arrays import Entries, Matrix
+from obsdesign.column_names import signal_columns
+from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
+from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
+from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
+from obsdesign.runtime.bounds_observer import BoundsObserver
+from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
+from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
+from obsdesign.runtime.interval.kernel import crossed
+from obsdesign.runtime.named_clocks import Kept, NamedClocks
+
+
+class ClockedState(NamedTuple):
+    """Everything the next row needs, just after time t.
+
+    box: (2n,), [lower; -upper]; u: input that holds; held (2, n): bounds of b up to the next row;
+    guards: of every event; sampled: time of the last sample of every sensor; refutation: since when
+    the bounds are void, and why, "" while they hold.
+    """
+
+    t: float
+    box: Matrix
+    u: Matrix
+    held: Matrix
+    guards: tuple[DwellGuard, ...]
+    started: bool
+    sampled: tuple[float, ...]
+    refutation: str = ""
+
+
+class _Measured(NamedTuple):
+    """Measurements of all outputs less the middle of their noise (p,), NaN where missing.
+
+    radius (p,): of the noise, with the rounding of the middle.
+    """
+
+    y: Matrix
+    radius: Matrix
+
+
+class _Cut(NamedTuple):
+    """A box after the operations of a row so far, and what contradicts it."""
+
+    box: Matrix
+    faults: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ClockedIntervalObserver(BoundsObserver[ClockedState]):
+    """Executes a design of kind `interval` for several clocks."""
+
+    gains: ClockedIntervalGains
+    kind: ClassVar[str] = "interval"
+
+    @classmethod
+    def from_gains(cls, gains: Entries) -> ClockedIntervalObserver:
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        return cls(ClockedIntervalGains.from_document(gains))
+
+    def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> ClockedState:
+        """State at time t from bounds of x(t); ValueError unless they are finite and in order."""
+        now, box = instant(t), self._first(lower, upper)
+        guards, sampled = self._clocks.begin(now)
+        held = np.stack([self.gains.flow_lower, self.gains.flow_upper])
+        return ClockedState(now, box, np.zeros(self.gains.m), held, guards, False, sampled)
+
+    def reset(self, state: ClockedState, *, lower: ArrayLike, upper: ArrayLike) -> ClockedState:
+        """The same instant with new bounds of x(t): ends the refutation of a state.
+
+        Inputs and clocks are kept. ValueError as for `init`.
+        """
+        return state._replace(box=self._first(lower, upper), refutation="")
+
+    def step(self, state: ClockedState, sample: Sample) -> tuple[ClockedState, Estimate]:
+        """Move to the time of the sample, use its measurements, and let its events happen.
+
+        NaN in y marks an output that is missing. ValueError if time decreases.
+        """
+        t = later(sample.t, state.t, state.started, may_repeat=True)
+        own, events = sample.bounds or Bounds(), self._clocks.places(sample)
+        y = None if sample.y is None else vector(sample.y, self.gains.p, "y")
+        u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
+        held = np.stack(self.declared_bounds.b.completed(own.b))
+        if own.c is not None:
+            raise ValueError("bounds of c are not used with several clocks.")
+        known = [self._clocks.inputs(sample, event) for event in events]
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
+            cut = self._row(state, t, self._measured(y, own), list(zip(events, known, strict=True)))
+        y = None if y is None or not np.isfinite(y).any() else y
+        kept, not_kept = self._clocks.after(Kept(state.guards, state.sampled), t, y, events)
+        refutation = state.refutation
+        reasons = [*cut.faults, *not_kept, *([refutation] if refutation else [])]
+        if cut.faults and cut.faults[0] != BoundsFault.OVERFLOWED.value and not refutation:
+            refutation = f"void since time {t:.9g} ({cut.faults[0]})"
+        following = ClockedState(t, cut.box, u, held, kept.guards, True, kept.sampled, refutation)
+        names = [self.gains.events[k].name for k in events]
+        lower, upper = cut.box[: self.n], -cut.box[self.n :]
+        listed = tuple((t, text) for text in names + reasons)
+        status = "; ".join(reasons) or "ok"
+        return following, Estimate(t, None, lower, upper, events=listed, status=status)
+
+    @cached_property
+    def declared_bounds(self) -> DeclaredBounds:
+        """Bounds of b and v that those of a row must not exceed."""
+        b = DeclaredBox("b", self.gains.flow_lower, self.gains.flow_upper)
+        return DeclaredBounds(
+            b, None, declared_noise(self.gains.noise_bound, self.gains.noise_centre)
+        )
+
+    def _row(
+        self, state: ClockedState, t: float, y: _Measured, events: Sequence[tuple[int, Matrix]]
+    ) -> _Cut:
+        """The box after the step to t, its samples and its events."""
+        cut = self._moved(state, t)
+        after = np.asarray(self._clocks.sees == "after")
+        late = after if events else np.zeros_like(after)
+        cut = self._sampled(cut, y._replace(y=np.where(late, np.nan, y.y)))
+        for event, w in events:
+            cut = self._happened(cut, event, w, y._replace(y=np.where(after, np.nan, y.y)))
+        return self._sampled(cut, y._replace(y=np.where(late, y.y, np.nan)))
+
+    def _moved(self, state: ClockedState, t: float) -> _Cut:
+        """The box after the flow up to t."""
+        if t == state.t:
+            return _Cut(state.box)
+        k = self._kernels.step(t - state.t, max(abs(t), abs(state.t)))
+        v = k.vector(state.box, None, None, np.concatenate([state.u, *midpoint(*state.held)]))
+        return _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
+
+    def _sampled(self, cut: _Cut, measured: _Measured) -> _Cut:
+        """The box cut with the samples of each sensor in turn; whole where a sample contradicts."""
+        for place, own in enumerate(self.gains.outputs):
+            y, radius = measured.y[own], measured.radius[own]
+            there = np.isfinite(y)
+            if not there.any():
+                continue
+            k = self._kernels.sample(place, there)
+            out = k.rows.dot(k.vector(cut.box, None, y[there], radius[there]))
+            if not is_finite(k, out):
+                continue
+            box = np.maximum(k.ends(out)[0], cut.box)
+            faults = self._contradictions(place, there, out[: 2 * k.p])
+            if crossed(box):
+                faults = faults or [BoundsFault.CROSSED.value]
+                box = cut.box
+            cut = _Cut(box, (*cut.faults, *faults))
+        return cut
+
+    def _contradictions(self, place: int, there: Matrix, room: Matrix) -> list[str]:
+        """Measurements of a sensor that no state inside the bounds can give."""
+        sensor = self.gains.sensors[place]
+        titles = np.array(signal_columns(sensor.name, sensor.outputs))[there]
+        least = np.minimum(*np.split(room, 2))
+        return [f"{title} outside its bounds" for title in titles[least < 0].tolist()]
+
+    def _happened(self, cut: _Cut, event: int, w: Matrix, measured: _Measured) -> _Cut:
+        """The box after an event: with its correction too where all that it uses is measured."""
+        used = self._kernels.used[event]
+        corrected = bool(used.any() and np.isfinite(measured.y[used]).all())
+        y, radius = (np.where(used & corrected, x, 0.0) for x in measured)
+        k = self._kernels.event(event, corrected)
+        v = k.vector(cut.box, None, y, np.concatenate([w, radius]))
+        following = _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
+        if crossed(following.box):  # the correction contradicts the box: without it nothing crosses
+            plain = self._happened(cut, event, w, measured._replace(y=np.full_like(y, np.nan)))
+            return plain._replace(faults=(*plain.faults, BoundsFault.CROSSED.value))
+        return following._replace(faults=(*cut.faults, *following.faults))
+
+    def _measured(self, y: Matrix | None, own: Bounds) -> _Measured:
+        """Measurements as the middle of what y - v may be, and its radius, rounded outward."""
+        lower, upper = self.declared_bounds.v.completed(own.v)
+        if y is None:
+            return _Measured(np.full(self.gains.p, np.nan), upper)
+        low, high = y - upper, y - lower
+        is_exact = (lower == 0.0) & (upper == 0.0)
+        low = np.where(is_exact, low, np.nextafter(low, -np.inf))
+        high = np.where(is_exact, high, np.nextafter(high, np.inf))
+        return _Measured(*midpoint(low, high))
+
+    def _first(self, lower: ArrayLike, upper: ArrayLike) -> Matrix:
+        low, high = initial_bounds(self.n, lower, upper)
+        return np.concatenate([low, -high])
+
+    @cached_property
+    def _kernels(self) -> ClockKernels:
+        return ClockKernels(self.gains)
+
+    @cached_property
+    def _clocks(self) -> NamedClocks:
+        return NamedClocks(self.gains.events, self.gains.sensors)
+
+
+def _bounded(n: int, box: Matrix, finite: bool) -> _Cut:
+    """A box, or the only sound one where numbers overflowed."""
+    if finite:
+        return _Cut(box)
+    return _Cut(np.full(2 * n, -np.inf), (BoundsFault.OVERFLOWED.value,))

@@ -1,0 +1,121 @@
+"""Clocks of named events and sensors: which stated times a record does not keep.
+
+No stated time enters the bounds: a clock that is not kept voids claims about widths alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.clocks import EventGains, SensorGains
+from obsdesign.runtime.base import Sample, no_jumps, vector
+from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.time_stamps import time_tolerance
+
+# where no time between two events is stated
+_ANY = (0.0, math.inf)
+
+
+class Kept(NamedTuple):
+    """Guards of events and times of the last samples, by sensor, as a state keeps them."""
+
+    guards: tuple[DwellGuard, ...]
+    sampled: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class NamedClocks:
+    """The clocks of events and sensors."""
+
+    events: Sequence[EventGains]
+    sensors: Sequence[SensorGains]
+
+    def begin(self, t: float) -> Kept:
+        """No event so far; the time since the last sample counts from t on."""
+        ends = [event.dwell_time for event in self.events]
+        guards = [DwellGuard(*(_ANY if end is None else end.tolist())) for end in ends]
+        return Kept(tuple(guards), (t,) * len(self.sensors))
+
+    def places(self, sample: Sample) -> tuple[int, ...]:
+        """Places of the events of a row; ValueError unless the plant has them."""
+        if not sample.jump:
+            return ()
+        names = [event.name for event in self.events]
+        if not names:
+            raise no_jumps()
+        if len(names) == 1 and not sample.events:
+            return (0,)
+        if not sample.events or not all(0 <= k < len(names) for k in sample.events):
+            raise ValueError(
+                f"events must be places among {', '.join(names)}, from 0; got {sample.events!r}."
+            )
+        return tuple(int(k) for k in sample.events)
+
+    def inputs(self, sample: Sample, event: int) -> Matrix:
+        """Known inputs w of an event, which stand behind those of the events before it."""
+        counts = [each.inputs for each in self.events]
+        if sample.w is None:
+            return np.zeros(counts[event])
+        first = sum(counts[:event])
+        own = vector(sample.w, sum(counts), "w")[first : first + counts[event]]
+        if self.sensors and not np.isfinite(own).all():
+            raise ValueError(f"w of event {self.events[event].name} must be finite.")
+        return own
+
+    def after(
+        self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int]
+    ) -> tuple[Kept, list[str]]:
+        """Clocks after a row of measurements and events, and sentences on those not kept."""
+        sentences, guards = list[str](), list[DwellGuard]()
+        for k, guard in enumerate(kept.guards):
+            following, violation = guard.after(t, k in events)
+            guards.append(following)
+            if violation is not None:
+                sentences.append(f"{self.events[k].name}: {violation}")
+        sentences += self._not_kept(kept, t, y, events)
+        return Kept(tuple(guards), self.sampled_at(kept.sampled, t, y)), sentences
+
+    def sampled_at(self, sampled: Sequence[float], t: float, y: Matrix | None) -> tuple[float, ...]:
+        """Times of the last samples after measurements y of time t, which may be a late one."""
+        if y is None:
+            return tuple(sampled)
+        there = self.of_sensors(y)
+        return tuple(
+            max(last, t) if np.isfinite(own).any() else last
+            for last, own in zip(sampled, there, strict=True)
+        )
+
+    def of_sensors(self, y: Matrix) -> list[Matrix]:
+        """The part of a measurement of all outputs that each sensor has."""
+        ends = np.cumsum([sensor.outputs for sensor in self.sensors])[:-1]
+        return np.split(y, ends)
+
+    def _not_kept(
+        self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int]
+    ) -> Iterator[str]:
+        """Sentences on sensors that are silent for longer than stated."""
+        happened = {self.events[k].name for k in events}
+        outputs = sum(sensor.outputs for sensor in self.sensors)
+        values = self.of_sensors(np.full(outputs, np.nan) if y is None else y)
+        for sensor, last, own in zip(self.sensors, kept.sampled, values, strict=True):
+            has_all, apart = bool(np.isfinite(own).all()), t - last
+            if (sensor.gap == 0.0 or sensor.event in happened) and not has_all:
+                yield f"{sensor.name}: missing sample"
+            elif sensor.gap > 0.0 and apart > sensor.gap + time_tolerance(apart, t):
+                yield (
+                    f"{sensor.name}: time {apart:.9g} since the last sample, above {sensor.gap:.9g}"
+                )
+
+    @cached_property
+    def sees(self) -> NDArray[np.str_]:
+        """What each output sees at an event (p,)."""
+        sensors = self.sensors
+        return np.repeat([x.sees for x in sensors], [x.outputs for x in sensors])
