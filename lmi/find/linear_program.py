@@ -12,6 +12,9 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.memory import require_memory
 
 _MOST_ITERATIONS = 2**31 - 1  # an int of the solver
+# entries from which on the interior point method goes first: as fast, and the simplex method has
+# been seen to spend minutes on few iterations of such programs
+_LARGE = 50_000
 
 
 def minimise(
@@ -58,6 +61,8 @@ def _solution(program: highspy.HighsLp, seconds: float, iterations: int | None) 
     solver = highspy.Highs()
     solver.setOptionValue("output_flag", False)
     solver.setOptionValue("threads", 1)
+    if len(program.a_matrix_.value_) >= _LARGE:
+        solver.setOptionValue("solver", "ipm")
     if math.isfinite(seconds):
         solver.setOptionValue("time_limit", max(seconds, 1e-3))
     if iterations is not None:

@@ -97,7 +97,8 @@ def completed_gains(task: WindowTask) -> CompletedGains:
         if relative.size <= UNBIASED:
             task, chosen = task.relative_to_start(), relative
     noise = task.plant.output.noise_radius
-    radius = None if noise is None else _radius(task, chosen.gain, noise)
+    is_biased = not chosen.size <= UNBIASED
+    radius = None if noise is None else _radius(task, chosen.gain, noise, is_biased)
     gains = _stored_gains(task, chosen.gain, chosen.state_error, radius)
     return CompletedGains(gains, remarks, chosen.solvers)
 
@@ -203,15 +204,20 @@ def _formula(task: WindowTask, L: Matrix) -> Matrix | None:
     return None
 
 
-def _radius(task: WindowTask, gain: Matrix, noise: Matrix) -> Matrix:
-    """Largest errors (n,) under noise and disturbance inside their bounds, rounded upwards."""
+def _radius(task: WindowTask, gain: Matrix, noise: Matrix, is_biased: bool) -> Matrix:
+    """Largest errors (n,) under noise and disturbance inside their bounds, rounded upwards.
+
+    Biased gains are refuted, however few digits their radius has.
+    """
     flow = task.plant.flow
     Delta = disturbance_bound(*flow.b_bounds)
     for bits in PRECISIONS:
         with precision(bits):
             sizes = error_radius(task.sampled(), gain, noise, Delta)
-            if all(x == 0 or x > 0 for x in sizes):
-                return np.array([float_above(scalar(x)) if x > 0 else 0.0 for x in sizes])
+            above = np.array([0.0 if x == 0 else float_above(scalar(x)) for x in sizes])
+            is_known = all(x == 0 or x > 0 for x in sizes)
+        if is_known or (is_biased and np.isfinite(above).all()):
+            return above
     raise InputError(
         f"observer.window = {task.samples * task.period!r} is too long for bounds: the errors of "
         f"{task.samples} samples drown in rounding. Choose a shorter window."

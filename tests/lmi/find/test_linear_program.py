@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
@@ -51,3 +52,24 @@ def test_no_answer_where_there_is_none() -> None:
     assert minimise(cost, np.array([[np.nan]]), (np.zeros(1), np.ones(1)), free) is None
     assert minimise(np.array([np.inf]), A, (np.zeros(1), np.ones(1)), free) is None
     assert minimise(cost, A, (np.zeros(1), np.ones(1)), free) is not None
+
+
+@pytest.mark.parametrize("limit", [1.0, -1.0])
+def test_a_large_program_of_equal_parts_is_each_part(limit: float) -> None:
+    """Large programs take another method; of a part that has no solution none of them has."""
+    rng, parts = np.random.default_rng(0), 260
+    A, cost = rng.standard_normal((20, 10)), rng.uniform(0.1, 1.0, 10)
+    A[0] = 1.0
+    sides = np.full(20, -np.inf), np.append(limit, A[1:] @ np.full(10, 0.05))
+    box = np.zeros(10), np.ones(10)
+    alone = minimise(-cost, A, sides, box)
+    row, column = np.indices(A.shape).reshape(2, -1)
+    entries = (
+        np.concatenate([row + 20 * k for k in range(parts)]),
+        np.concatenate([column + 10 * k for k in range(parts)]), np.tile(A.ravel(), parts),
+    )  # fmt: skip
+    all_sides, all_box = ((np.tile(x, parts), np.tile(y, parts)) for x, y in (sides, box))
+    x = minimise(np.tile(-cost, parts), entries, all_sides, all_box)
+    assert (x is None) == (alone is None) == (limit < 0)
+    if x is not None and alone is not None:
+        assert x.reshape(parts, 10) @ cost == pytest.approx(np.full(parts, alone @ cost), rel=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from dataclasses import replace
 from typing import Any
@@ -12,14 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
+from lmi.arithmetic.balls import Ball, rational, scalar
 from lmi.arithmetic.exponential import flow_integrals
 from obsdesign.analysis.finite_time import enclosed_gains as window_gains
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
+from obsdesign.analysis.finite_time.error_radius import PRECISIONS
 from obsdesign.data.simulation import simulate
 from obsdesign.design_file import from_dict
 from obsdesign.equations.finite_time.rows import least_squares_gain
 from obsdesign.runtime import Sample, from_design
-from obsdesign.synthesis.finite_time import minimax
+from obsdesign.synthesis.finite_time import minimax, window_gain
 from obsdesign.verification.finite_time.gains import _reason_against_window
 from tests.verification.finite_time.test_claims import sampled_problem
 
@@ -412,3 +415,20 @@ def test_bounds_of_a_long_window_take_the_digits_they_need() -> None:
     design = obsdesign.design(problem)
     assert (design.gains["radius"] > 0.6).all()
     assert obsdesign.verify(design).verdict == "proved"
+
+
+@pytest.mark.parametrize(("rate", "evaluations"), [(100.0, 1), (1.0, len(PRECISIONS))])
+def test_no_digits_are_spent_on_bounds_of_a_refuted_gain(
+    rate: float, evaluations: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def unknown(sampled: Sampled, *_: object) -> list[Ball]:
+        calls.append(sampled.k)
+        return [scalar(rational(0)).union(scalar(rational(1)))] * len(sampled.A)
+
+    monkeypatch.setattr(window_gain, "error_radius", unknown)
+    problem = sampled_problem(np.diag([-rate, rate]), BOTH, 0.1, window=0.4, **BOUNDS)
+    with contextlib.suppress(obsdesign.InputError):  # of bounds that stay unknown
+        assert obsdesign.investigate(problem).verdict == "refuted"
+    assert len(calls) == evaluations
