@@ -93,13 +93,20 @@ def simulate(
     "--state", type=click.Path(),
     help="Go on from this file if it exists, and save the observer in it for the next data.",
 )  # fmt: skip
+@click.option(
+    "--provisional", type=click.Path(),
+    help="Write estimates that a late row may still change to this file, as rows arrive.",
+)  # fmt: skip
 @click.option("--skip-bad", is_flag=True, help="Report malformed lines and leave them out.")
 @click.option("--strict", is_flag=True, help="Exit code 4 if the status of a row is not ok.")
 def run(
     *, design_file: str, data: str | None, output: str | None, initial: str | None,
-    events: str | None, state: str | None, skip_bad: bool, strict: bool,
+    events: str | None, state: str | None, provisional: str | None, skip_bad: bool, strict: bool,
 ) -> int:  # fmt: skip
     """Execute DESIGN on DATA.csv, or row by row on standard input.
+
+    Rows that are younger than report_delay are provisional: with --provisional they are in that
+    file alone, without it at the end of the estimates.
 
     Exit code 0 whatever the statuses of the rows, unless --strict is given; with --state, rows that
     an observer with a delay has not decided wait for the next data.
@@ -108,7 +115,15 @@ def run(
 
     start = None if initial is None else numbers(initial, "--initial")
     tally = execute(
-        design_file, data, output, start, events, state=state, skip_bad=skip_bad, remark=warn
+        design_file,
+        data,
+        output,
+        start,
+        events,
+        state=state,
+        skip_bad=skip_bad,
+        provisional=provisional,
+        remark=warn,
     )
     counts = tally.statuses.most_common()
     statuses = ", ".join(f"{number} {status}" for status, number in counts)

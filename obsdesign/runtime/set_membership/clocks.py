@@ -72,16 +72,12 @@ class Clocks:
             raise ValueError(f"w of event {self.gains.events[event].name} must be finite.")
         return own
 
-    def parts(self, y: Matrix) -> Iterator[tuple[str, Matrix]]:
-        """Measurements that saw an event's "before", "after" or "none" of it, NaN elsewhere."""
-        for when in ("before", "after", "none"):
-            own = np.where(self._sees == when, y, np.nan)
-            if np.isfinite(own).any():
-                yield when, own
-
     def part(self, y: Matrix | None, when: str) -> Matrix | None:
-        """The measurements that saw the state before or after the events of a row."""
-        return None if y is None else dict(self.parts(y)).get(when)
+        """The measurements that saw the state before or after the events of a row, else NaN."""
+        if y is None:
+            return None
+        own = np.where(self._sees == when, y, np.nan)
+        return own if np.isfinite(own).any() else None
 
     def after(
         self, kept: Kept, t: float, row: tuple[Matrix | None, tuple[int, ...]], started: bool
@@ -99,18 +95,17 @@ class Clocks:
             sentences += self._sensors_not_kept(kept, t, y, events)
         else:
             sentences += self._samples_not_kept(kept.sampled[0], t, y, started, bool(events))
-        return Kept(tuple(guards), self.sampled_at(kept.sampled, t, y)), sentences
+        return Kept(tuple(guards), self._sampled_at(kept.sampled, t, y)), sentences
 
-    def sampled_at(
+    def _sampled_at(
         self, sampled: Sequence[float], t: float, y: Matrix | None
     ) -> tuple[float, ...]:  # fmt: skip
-        """Times of the last samples after measurements y of time t, which may be a late one."""
+        """Times of the last samples after measurements y of time t."""
         if y is None:
             return tuple(sampled)
         there = self._of_sensors(y)
         return tuple(
-            max(last, t) if np.isfinite(own).any() else last
-            for last, own in zip(sampled, there, strict=True)
+            t if np.isfinite(own).any() else last for last, own in zip(sampled, there, strict=True)
         )
 
     def _of_sensors(self, y: Matrix) -> list[Matrix]:
