@@ -207,3 +207,32 @@ def export(design_file: str, output: str) -> int:
     save_mat(design, output)
     say(f"written: {output}, {len(design.gains)} gains of kind {design.kind}")
     return 0
+
+
+@click.command()
+@click.argument("source", metavar="NONMEM.csv", type=click.Path())
+@click.option(
+    "--problem", type=click.Path(),
+    help="Problem or design whose columns are written: DVID counts outputs, CMT states.",
+)  # fmt: skip
+@output_option("data.csv", "Data file; of several records the subject stands in the name.")
+def convert(source: str, *, problem: str | None, output: str) -> int:
+    """Convert a NONMEM data set to data files, one for each subject.
+
+    Doses become events by CMT, observations samples by DVID, infusions steps of u. Additional doses
+    are written out; a reset begins another file. Without --problem columns are dv, dose, u1,
+    numbered by DVID and CMT where there are several.
+    """
+    from obsdesign.data.csv_text import table_text
+    from obsdesign.data.nonmem_records import file_names, records_of
+    from obsdesign.output_files import refuse_overwriting, write_text
+
+    refuse_overwriting(output, source, problem)
+    records = records_of(source, None if problem is None else source_of(problem).plant)
+    names = file_names(output, [subject for subject, _ in records])
+    for name in names:
+        refuse_overwriting(name, source, problem)
+    for name, (_, columns) in zip(names, records, strict=True):
+        write_text(name, table_text(columns))
+        say(f"written: {name}, {len(columns['t'])} rows")
+    return 0
