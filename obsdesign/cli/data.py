@@ -93,13 +93,20 @@ def simulate(
     "--state", type=click.Path(),
     help="Go on from this file if it exists, and save the observer in it for the next data.",
 )  # fmt: skip
+@click.option(
+    "--provisional", type=click.Path(),
+    help="Write estimates that a late row may still change to this file, as rows arrive.",
+)  # fmt: skip
 @click.option("--skip-bad", is_flag=True, help="Report malformed lines and leave them out.")
 @click.option("--strict", is_flag=True, help="Exit code 4 if the status of a row is not ok.")
 def run(
     *, design_file: str, data: str | None, output: str | None, initial: str | None,
-    events: str | None, state: str | None, skip_bad: bool, strict: bool,
+    events: str | None, state: str | None, provisional: str | None, skip_bad: bool, strict: bool,
 ) -> int:  # fmt: skip
     """Execute DESIGN on DATA.csv, or row by row on standard input.
+
+    Rows that are younger than report_delay are provisional: with --provisional they are in that
+    file alone, without it at the end of the estimates.
 
     Exit code 0 whatever the statuses of the rows, unless --strict is given; with --state, rows that
     an observer with a delay has not decided wait for the next data.
@@ -108,7 +115,15 @@ def run(
 
     start = None if initial is None else numbers(initial, "--initial")
     tally = execute(
-        design_file, data, output, start, events, state=state, skip_bad=skip_bad, remark=warn
+        design_file,
+        data,
+        output,
+        start,
+        events,
+        state=state,
+        skip_bad=skip_bad,
+        provisional=provisional,
+        remark=warn,
     )
     counts = tally.statuses.most_common()
     statuses = ", ".join(f"{number} {status}" for status, number in counts)
@@ -191,4 +206,33 @@ def export(design_file: str, output: str) -> int:
     design = load_design(design_file)
     save_mat(design, output)
     say(f"written: {output}, {len(design.gains)} gains of kind {design.kind}")
+    return 0
+
+
+@click.command()
+@click.argument("source", metavar="NONMEM.csv", type=click.Path())
+@click.option(
+    "--problem", type=click.Path(),
+    help="Problem or design whose columns are written: DVID counts outputs, CMT states.",
+)  # fmt: skip
+@output_option("data.csv", "Data file; of several records the subject stands in the name.")
+def convert(source: str, *, problem: str | None, output: str) -> int:
+    """Convert a NONMEM data set to data files, one for each subject.
+
+    Doses become events by CMT, observations samples by DVID, infusions steps of u. Additional doses
+    are written out; a reset begins another file. Without --problem columns are dv, dose, u1,
+    numbered by DVID and CMT where there are several.
+    """
+    from obsdesign.data.csv_text import table_text
+    from obsdesign.data.nonmem_records import file_names, records_of
+    from obsdesign.output_files import refuse_overwriting, write_text
+
+    refuse_overwriting(output, source, problem)
+    records = records_of(source, None if problem is None else source_of(problem).plant)
+    names = file_names(output, [subject for subject, _ in records])
+    for name in names:
+        refuse_overwriting(name, source, problem)
+    for name, (_, columns) in zip(names, records, strict=True):
+        write_text(name, table_text(columns))
+        say(f"written: {name}, {len(columns['t'])} rows")
     return 0

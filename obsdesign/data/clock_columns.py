@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Entries
-from obsdesign.column_names import EVENT, signal_columns
+from obsdesign.column_names import EVENT, RECEIVED, signal_columns
 from obsdesign.data.bound_columns import number_in
 from obsdesign.errors import InputError
 
@@ -20,19 +20,27 @@ _OTHER = re.compile(r"t|[a-z]\d+(_(lo|hi|std))?|jump|status|received|mode|event"
 
 @dataclass(frozen=True)
 class Happening:
-    """y (p,) and w (l,) of all sensors and events, NaN where there is none; events that happen."""
+    """y (p,) and w (l,) of all sensors and events, NaN where there is none; events that happen.
+
+    received: when the row arrived, None where it is not stated.
+    """
 
     y: Array | None
     w: Array | None
     events: tuple[int, ...]
+    received: float | None
 
 
 @dataclass(frozen=True)
 class ClockColumns:
-    """Names of events with their numbers of known inputs, and of sensors with their outputs."""
+    """Names of events with their numbers of known inputs, and of sensors with their outputs.
+
+    lag: the longest of their `report_delay`.
+    """
 
     events: Mapping[str, int]
     sensors: Mapping[str, int]
+    lag: float = 0.0
 
     @classmethod
     def from_problem(cls, problem: Entries, *, has_events: bool = True) -> ClockColumns | None:
@@ -46,6 +54,7 @@ class ClockColumns:
         return cls(
             {event["name"]: len(event["E"][0]) if "E" in event else 0 for event in events},
             {sensor["name"]: len(sensor["C"]) for sensor in problem["sensor"]},
+            max(block.get("report_delay", 0.0) for block in (*events, *problem["sensor"])),
         )
 
     @cached_property
@@ -68,7 +77,7 @@ class ClockColumns:
     @property
     def optional(self) -> tuple[str, ...]:
         """Columns that a file may have besides."""
-        return (EVENT, *(x for name in self.events for x in self.of_event(name)))
+        return (EVENT, RECEIVED, *(x for name in self.events for x in self.of_event(name)))
 
     def unknown(self, header: Sequence[str]) -> list[str]:
         """Columns that look like those of events and sensors, and are of none."""
@@ -90,7 +99,8 @@ class ClockColumns:
                     raise InputError(f"{where}: {titles} must hold numbers at the event {name}.")
             inputs.append(own)
         w = np.concatenate(inputs) if any(self.events.values()) else None
-        return Happening(None if np.isnan(y).all() else y, w, tuple(events))
+        received = number_in(cells, places, RECEIVED, where) if RECEIVED in places else None
+        return Happening(None if np.isnan(y).all() else y, w, tuple(events), received)
 
     def _event(
         self, cells: Sequence[str], places: Mapping[str, int], name: str, where: str

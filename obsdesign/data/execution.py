@@ -7,29 +7,41 @@ import math
 import re
 import sys
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
+from itertools import chain, combinations
 from pathlib import Path
 from typing import TextIO
 
+from obsdesign.data.arrivals import Arrivals, Remark
 from obsdesign.data.csv_text import estimate_header, estimate_line, event_line
+from obsdesign.data.late_run import (
+    arrivals_of,
+    provisional_lines,
+    refuse_late_rows,
+    then_the_rest,
+)
 from obsdesign.data.records import (
     Layout,
-    Remark,
     discard,
     read_samples,
 )
-from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
+from obsdesign.data.stream import (
+    Stream,
+    estimates_of,
+    starting_progress,
+    stored_progress,
+)
 from obsdesign.design_file import load_design
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Estimate, Observer, Sample
-from obsdesign.runtime.stored_state import Progress, state_text
+from obsdesign.runtime.progress import Progress, WaitingRow
+from obsdesign.runtime.stored_state import state_text
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
 _NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
@@ -53,53 +65,75 @@ class Tally:
 def execute(
     design: str, data: str | None, output: str | None, initial: Sequence[float] | None,
     events: str | None, *, state: str | None = None, skip_bad: bool = False,
-    remark: Remark = discard,
+    provisional: str | None = None, remark: Remark = discard,
 ) -> Tally:  # fmt: skip
     """Write the estimates of a design for DATA to `output`; None is standard input or output.
 
     state: the file with the observer's progress; a run continues from it if it exists, and writes
-    it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with these,
-    and at the end with claims that are not proved and signs that the data are of another plant.
+    it at the end. skip_bad: a malformed line is a remark, not an error. provisional: file of the
+    estimates of rows that an earlier row may still precede. remark: called with these, and at the
+    end with claims that are not proved and signs that the data are of another plant.
     A data file is checked whole before anything is written; a pipe is answered row by row.
     """
     signed = load_design(design)
     observer = from_design(signed, design)
-    _refuse_targets((design, data), output, events, state)
+    _refuse_targets((design, data), {"--events": events, "--provisional": provisional,
+                                     "--state": state, "": output})  # fmt: skip
     _refuse_events(observer, events)
     stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks = data or "standard input", list[str]()
     layout = Layout.from_design(signed, observer)
+    refuse_late_rows(layout, observer, provisional)
     after = -math.inf if stored is None else stored.t
     read = partial(read_samples, layout=layout, name=name, after=after)
     begin = partial(_begun, observer, stored, initial)
     if data is not None:  # refuse before anything is written
         with _opened(data) as stream:
-            deque(begin(read(stream, skip=discard if skip_bad else None))[1], maxlen=0)
-    with _source(data) as stream, _writer(output) as out, _log(events, observer) as log:
-        samples = read(stream, skip=remark if skip_bad else None, remark=remarks.append)
-        progress, rows = begin(samples)
+            checked = arrivals_of(layout, stored, discard)
+            samples = read(stream, skip=discard if skip_bad else None, arrivals=checked)
+            deque(begin(samples, checked)[1], maxlen=0)
+    with (
+        _source(data) as stream, _writer(output) as out, _log(events, observer) as log,
+        provisional_lines(provisional, observer, stored, initial, data is None) as watch,
+    ):  # fmt: skip
+        arrivals = arrivals_of(layout, stored, remark, is_stream=data is None, watch=watch)
+        samples = read(
+            stream, skip=remark if skip_bad else None, remark=remarks.append, arrivals=arrivals
+        )
+        progress, rows = begin(samples, arrivals)
         parts, live = Stream(observer, progress), data is None
-        if state is None:
+        if state is not None:
+            estimates = parts.estimates(rows, live=live)
+        elif layout.lag == 0:
             estimates = estimates_of(observer, progress.state, rows, live=live)
         else:
-            estimates = parts.estimates(rows, live=live)
+            rest = None if provisional else arrivals
+            estimates = then_the_rest(parts, rows, rest, live=live)
         tally = _write(observer, estimates, out, log, live=live)
     if state is not None:
-        write_text(state, state_text(signed, parts.progress))
+        late = tuple(WaitingRow.from_sample(sample) for sample in arrivals.waiting)
+        ended = replace(parts.progress, late=late, now=arrivals.buffer.now)
+        write_text(state, state_text(signed, ended))
     for text in [*_unproved(design, signed), *remarks, *_void(name, tally)]:
         remark(text)
     return tally
 
 
 def _begun(
-    observer: Observer,
-    stored: Progress | None,
-    initial: Sequence[float] | None,
-    samples: Iterator[Sample],
-) -> tuple[Progress, Iterator[Sample]]:
-    """The progress before the first sample, and all samples; InputError if it cannot be taken."""
-    first = next(samples)  # there is one, or this is an InputError
-    return starting_progress(observer, stored, first, initial), chain([first], samples)
+    observer: Observer, stored: Progress | None, initial: Sequence[float] | None,
+    samples: Iterator[Sample], arrivals: Arrivals,
+) -> tuple[Progress, Iterator[Sample]]:  # fmt: skip
+    """The progress before the first final sample, and all of these.
+
+    InputError if the first one cannot be taken; the state is None where no sample is final yet.
+    """
+    first = next(samples, None)
+    if first is not None:
+        return starting_progress(observer, stored, first, initial), chain([first], samples)
+    if stored is None:
+        observer.start(arrivals.waiting[0].t if arrivals.waiting else 0.0, initial)
+        stored = Progress(None, initial=None if initial is None else tuple(initial))
+    return stored, iter(())
 
 
 def _write(
@@ -145,16 +179,17 @@ def _void(name: str, tally: Tally) -> list[str]:
     ]
 
 
-def _refuse_targets(
-    read: tuple[str | None, ...], output: str | None, events: str | None, state: str | None
-) -> None:
-    """InputError if a file to be written is one that is read, or is written twice."""
-    for target in (output, events, state):
+def _refuse_targets(read: tuple[str | None, ...], written: Mapping[str, str | None]) -> None:
+    """InputError if a file to be written is one that is read, or is written twice.
+
+    written: by option; the estimate file by "".
+    """
+    for target in written.values():
         refuse_overwriting(target, *read)
-    if _same_file(events, output):
-        raise InputError(f"--events: {events} is the estimate file; give another name.")
-    if _same_file(state, output) or _same_file(state, events):
-        raise InputError(f"--state: {state} is another file of this run; give another name.")
+    for (option, target), (other, second) in combinations(written.items(), 2):
+        if _same_file(target, second):
+            what = "another file of this run" if other else "the estimate file"
+            raise InputError(f"{option}: {target} is {what}; give another name.")
 
 
 def _same_file(name: str | None, other: str | None) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.jump_times import jump_times, random_spacings
 from obsdesign.errors import InputError
-from obsdesign.problem.clocks import Every, Sensor
+from obsdesign.problem.clocks import Event, Every, Sensor
 from obsdesign.problem.output import Output
 from obsdesign.problem.plant import Plant
 
@@ -68,6 +68,23 @@ def instants_of(
         measured[own, k] = True
         measured[:, k] |= always[k]
     return Instants(times, happens, _outputs_measured(plant, happens, measured))
+
+
+def arrival_times(plant: Plant, instants: Instants, rng: np.random.Generator) -> Matrix | None:
+    """When each row arrives, (rows,), with the last report in it; None if all arrive at once.
+
+    Every delay is drawn between zero and the `report_delay` of its event or sensor.
+    """
+    blocks = (*plant.events, *plant.sensors)
+    delays = [x.report_delay if isinstance(x, Event | Sensor) else 0.0 for x in blocks]
+    if not any(delays):
+        return None
+    counts = [1] * len(plant.events) + [len(sensor.C) for sensor in plant.sensors]
+    there = np.hstack([instants.happens, instants.is_measured])
+    drawn = rng.uniform(0.0, 1.0, (len(there), len(delays))) * delays
+    waits = np.where(there, np.repeat(drawn, counts, axis=1), 0.0).max(axis=1)
+    later = np.maximum(np.round(instants.times + waits, 12), instants.times)
+    return np.asarray(np.where(waits > 0, later, instants.times))
 
 
 def _outputs_measured(

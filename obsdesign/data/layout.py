@@ -65,8 +65,13 @@ class Layout:
         return data_columns({"y": self.y, "u": self.u, "w": self.w}, self.jump)
 
     @property
+    def lag(self) -> float:
+        """Longest time between a row and its arrival."""
+        return 0.0 if self.clocks is None else self.clocks.lag
+
+    @property
     def optional(self) -> tuple[str, ...]:
-        """Columns which a file may have: of bounds, and of events by their names."""
+        """Columns which a file may have: of bounds, of events by their names, of arrivals."""
         bounds = () if self.bounds is None else self.bounds.columns
         return bounds if self.clocks is None else (*bounds, *self.clocks.optional)
 

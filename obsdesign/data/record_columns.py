@@ -8,16 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Array, Matrix
-from obsdesign.column_names import JUMP, TIME, TRUTH, numbered
+from obsdesign.column_names import JUMP, RECEIVED, TIME, TRUTH, numbered
 from obsdesign.problem.plant import Plant
 
 
 def record_columns(
-    plant: Plant, times: Matrix, blocks: Mapping[str, Matrix], happened: NDArray[np.bool_] | None
+    plant: Plant,
+    times: Matrix,
+    blocks: Mapping[str, Matrix],
+    happened: NDArray[np.bool_] | None,
+    received: Matrix | None = None,
 ) -> dict[str, Array]:
     """Columns of all signals, then the truth; y, w, u, x, d are in blocks, (rows, ...) each.
 
-    happened (rows, events): what the record says of events, None where it has no word of them.
+    happened (rows, events): what the record says of events, None where it has no word of them;
+    received (rows,): when rows arrive, None where none is late.
     """
     columns: dict[str, Array] = {TIME: times}
     if plant.has_tables:
@@ -31,6 +36,7 @@ def record_columns(
         columns |= _numbered("w", blocks["w"])
         if happened is not None and plant.events:
             columns[JUMP] = happened[:, 0].astype(np.int64)
+    columns |= {} if received is None else {RECEIVED: received}
     for letter in TRUTH:
         columns |= _numbered(letter, blocks[letter])
     return columns

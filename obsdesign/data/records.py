@@ -10,21 +10,22 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TextIO
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
-from obsdesign.column_names import numbered
+from obsdesign.column_names import RECEIVED, numbered
+from obsdesign.data.arrivals import Arrivals, Remark
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.layout import Layout as Layout
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
+from obsdesign.runtime.time_stamps import time_tolerance
 
-Remark = Callable[[str], None]
 # characters: hundreds of columns of numbers in full
 _LONGEST_LINE = 2**20
 _NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
@@ -42,11 +43,13 @@ def read_samples(
     after: float = -math.inf,
     remark: Remark = discard,
     skip: Remark | None = None,
+    arrivals: Arrivals | None = None,
 ) -> Iterator[Sample]:
     """Samples of a CSV file or pipe, checked row by row; one row is one line.
 
     after: a time before the first row; remark: called with columns that the plant has no use for;
-    skip: called with every line that is no row, instead of an error.
+    skip: called with every line that is no row, instead of an error. Where rows may be late, they
+    come in the order of time: all of them, or with `arrivals` those that are final.
 
     InputError: no header, missing or doubled columns, text where a number belongs, times that do
     not increase, rows of the wrong length.
@@ -56,11 +59,24 @@ def read_samples(
     if skip is not None and header.bounds is not None:
         header = replace(header, bounds=header.bounds.where_lines_are_skipped(name, remark))
     header.remark_on_unused(remark)
+    if not header.may_be_late:
+        yield from _rows(lines, header, after, skip)
+    elif arrivals is None:
+        yield from sorted(_rows(lines, header, -math.inf, skip), key=lambda sample: sample.t)
+    else:
+        rows = _rows(lines, header, -math.inf, skip)
+        yield from arrivals.in_order(rows, name, skip, has_stamps=RECEIVED in header.places)
+
+
+def _rows(
+    lines: Iterator[tuple[int, str]], header: _Header, after: float, skip: Remark | None
+) -> Iterator[Sample]:
+    """Samples of the lines behind a header, as they stand there."""
     previous, rows = after, 0
     for number, line in lines:
-        where = f"{name} line {number}"
+        where = f"{header.name} line {number}"
         try:
-            cells = _cells(line, where, name)
+            cells = _cells(line, where, header.name)
             if not cells or all(not cell.strip() for cell in cells):
                 continue
             sample = header.sample(cells, where, previous)
@@ -69,10 +85,12 @@ def read_samples(
                 raise
             skip(f"{error} Line {number} is skipped.")
             continue
-        previous, rows = sample.t, rows + 1
+        previous, rows = -math.inf if header.may_be_late else sample.t, rows + 1
         yield sample
     if not rows:
-        raise InputError(f"{name}: at least one row of data is required; there is only a header.")
+        raise InputError(
+            f"{header.name}: at least one row of data is required; there is only a header."
+        )
 
 
 @dataclass(frozen=True)
@@ -97,6 +115,11 @@ class _Header:
         if layout.bounds is not None:
             bounds = BoundColumns(layout.bounds, places, layout.unused)
         return cls(titles, places, layout, name, bounds)
+
+    @property
+    def may_be_late(self) -> bool:
+        """May a row arrive after rows of later times?"""
+        return self.layout.lag > 0 or RECEIVED in self.places
 
     def sample(self, cells: list[str], where: str, previous: float) -> Sample:
         """The sample of a line; InputError if it is none, or not after the time `previous`."""
@@ -220,7 +243,12 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
     if layout.clocks is not None:
         row = layout.clocks.of_row(cells, places, where)
         u, happens = whole("u", layout.u), bool(row.events)
-        return Sample(t, row.y, u, row.w, happens, events=row.events)
+        if row.received is not None and row.received < t - time_tolerance(abs(t), t):
+            raise InputError(
+                f"{where}: {RECEIVED} must be at least t, {t!r}; got {row.received!r}. Does it "
+                "hold times, and not delays?"
+            )
+        return Sample(t, row.y, u, row.w, happens, events=row.events, received=row.received)
     jump = number("jump") if layout.jump else 0.0
     if jump not in (0.0, 1.0):
         raise InputError(f"{where}: jump must be 0 or 1; got {cells[places['jump']]!r}.")

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.column_names import TIME
-from obsdesign.data.instants import Instants, default_until, instants_of
+from obsdesign.data.instants import Instants, arrival_times, default_until, instants_of
 from obsdesign.data.record_columns import record_columns
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
@@ -28,7 +28,8 @@ class Simulation:
     """A simulated run, one row per instant; x is the state after the row's jump.
 
     columns: t, y1.., u1.., w1.., jump, then the truth x1.., d1.. (ignored by observers); named
-    events and sensors have columns of their own for y, w and jump. events: times and weights of
+    events and sensors have columns of their own for y, w and jump, and `received` where they are
+    reported with a delay. events: times and weights of
     unknown impulses, (t, weight1, ...). blocks: y, u, w, x, d, (rows, ...) each; happened (rows,
     events): which events happen, None where the record does not say.
     """
@@ -82,7 +83,7 @@ def simulate(
     instants = instants_of(plant, dwell, until, step, rng)
     source = signals(plant, disturbance, len(instants.times), rng)
     with np.errstate(over="ignore", invalid="ignore"):
-        record = _trajectory(x, instants, source, announced)
+        record = _trajectory(x, instants, source, announced, arrival_times(plant, instants, rng))
     _require_finite(record)
     return record
 
@@ -103,7 +104,9 @@ def _initial(n: int, initial: ArrayLike | None) -> Matrix:
     return x
 
 
-def _trajectory(x: Matrix, instants: Instants, source: Signals, announced: bool) -> Simulation:
+def _trajectory(
+    x: Matrix, instants: Instants, source: Signals, announced: bool, received: Matrix | None
+) -> Simulation:
     """Step from row to row; matrices are shared between equal steps."""
     plant, n = source.plant, len(x)
     C, after = plant.outputs.C, plant.sees_after
@@ -136,7 +139,7 @@ def _trajectory(x: Matrix, instants: Instants, source: Signals, announced: bool)
     # impulses of unknown weight alone come unannounced
     is_reported = announced or not all(_is_hidden(event, n) for event in plant.events)
     happened = instants.happens if is_reported else None
-    table = record_columns(plant, instants.times, blocks, happened)
+    table = record_columns(plant, instants.times, blocks, happened, received)
     weights = np.array(events).reshape(len(events), 1 + source.weights.shape[1])
     return Simulation(table, weights, blocks, happened)
 

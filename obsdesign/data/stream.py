@@ -12,7 +12,8 @@ from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.input_files import read_text
 from obsdesign.runtime.base import Delayed, Estimate, KindState, Observer, Row, Sample, Stepped
-from obsdesign.runtime.stored_state import Progress, progress_from_text
+from obsdesign.runtime.progress import Progress
+from obsdesign.runtime.stored_state import progress_from_text
 
 _READ_AHEAD = 1024  # rows of a file that an observer with a delay takes at once
 
@@ -24,6 +25,12 @@ class Stream:
         self._observer, self.progress = observer, progress
         self._latest: KindState = progress.state
 
+    def begin(self, t: float) -> None:
+        """Begin at the time of the first row, unless rows came before."""
+        if self.progress.state is None:
+            state = self._observer.start(t, self.progress.initial)
+            self.progress = replace(self.progress, state=state)
+
     def estimates(self, samples: Iterator[Sample], *, live: bool = False) -> Iterator[Estimate]:
         """Estimates, one per row; from an observer with a delay those that are decided.
 
@@ -34,7 +41,7 @@ class Stream:
         if not isinstance(self._observer, Delayed):
             for sample in samples:
                 state, estimate = self._observer.step(self.progress.state, sample)
-                self.progress = Progress(state)
+                self.progress = replace(self.progress, state=state)
                 yield estimate
             return
         size = 1 if live else _READ_AHEAD
@@ -44,12 +51,13 @@ class Stream:
             self._latest = self._observer.block(before, block)
             decided = self._latest.decided
             if len(block) == size:
-                after = replace(self._latest, decided=())
-                self.progress = Progress(after, (), max(given - len(decided), 0))
+                after, left = replace(self._latest, decided=()), max(given - len(decided), 0)
+                self.progress = replace(self.progress, state=after, waiting=(), given=left)
             else:
                 # arrays, as `read_samples` makes them
                 waiting = cast(tuple[Row, ...], tuple((row.t, row.y, row.u) for row in block))
-                self.progress = Progress(before, waiting, max(given, len(decided)))
+                left = max(given, len(decided))
+                self.progress = replace(self.progress, state=before, waiting=waiting, given=left)
             yield from decided[given:]
 
     def tail(self) -> Sequence[Estimate]:
@@ -79,11 +87,7 @@ def stored_progress(
 
     InputError when it cannot be read or continued, or when `initial` is given too.
     """
-    if isinstance(observer, Stepped) and observer.takes_whole_records:
-        raise InputError(
-            "--state: observer.differentiator 'batch' smooths a record as a whole; its parts "
-            "cannot be run one after the other."
-        )
+    refuse_whole_records(observer, "--state")
     if not os.path.lexists(path):
         return None
     text = read_text(path)
@@ -92,12 +96,23 @@ def stored_progress(
     return progress_from_text(text, design, observer, path)
 
 
+def refuse_whole_records(observer: Observer, why: str) -> None:
+    """InputError for an observer that takes all rows of a record at once."""
+    if isinstance(observer, Stepped) and observer.takes_whole_records:
+        raise InputError(
+            f"{why}: observer.differentiator 'batch' smooths a record as a whole; its parts "
+            "cannot be run one after the other."
+        )
+
+
 def starting_progress(
     observer: Observer, progress: Progress | None, first: Sample, initial: Sequence[float] | None
 ) -> Progress:
     """The progress before the first sample; InputError where that sample cannot be taken."""
     if progress is None:
         return Progress(observer.start(first.t, initial))
+    if progress.state is None:
+        return replace(progress, state=observer.start(first.t, progress.initial))
     try:  # a step has no effect but its result: do the sizes of what was stored fit the design?
         list(Stream(observer, progress).estimates(iter([first])))
     except InputError:

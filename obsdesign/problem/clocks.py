@@ -33,7 +33,8 @@ class Event(Jump):
     """A jump by a name of its own, some time after the last one of that name.
 
     name: of its column in data; every: that time as a number, or (shortest, longest), None where it
-    is not stated; dwell_time follows from it. Otherwise as `Jump`.
+    is not stated; dwell_time follows from it; report_delay: longest time until it is known.
+    Otherwise as `Jump`.
     """
 
     name: str = file_entry(_NAME_SCHEMA, "Name of the event, and of its column in data.")
@@ -41,6 +42,9 @@ class Event(Jump):
         ref("every"), "Time since the last event of this name: a number, or [shortest, longest].",
         default=None,
     )  # fmt: skip
+    report_delay: float = file_entry(
+        NONNEGATIVE, "Longest time until a row that reports it arrives; default 0.", default=0.0
+    )
     dwell_time: tuple[float, float] | None = field(default=None, init=False)
     dwell_jitter: float = field(default=math.inf, init=False)
 
@@ -50,6 +54,7 @@ class Event(Jump):
         ends = _range(self.every, f"{self.entry}.every")
         every = ends[0] if ends is not None and is_number(self.every) else ends
         set_fields(self, every=every, dwell_time=ends, dwell_jitter=math.inf)
+        _check_delay(self)
 
     @property
     def entry(self) -> str:
@@ -69,7 +74,7 @@ class Sensor(Output):
     every: time between two samples as a number, a range (shortest, longest), or "continuous"; at:
     name of the event at which it is read, instead. jitter: largest distance of a sample from the
     grid k every; losses: most samples in a row that may be missing. sees: at an event it sees the
-    state before or after.
+    state before or after. report_delay: longest time until a sample is known.
     """
 
     is_named: ClassVar[bool] = True
@@ -91,6 +96,9 @@ class Sensor(Output):
     at: str | None = file_entry(
         _NAME_SCHEMA, "Name of the event at which it is read, instead of every.", default=None
     )
+    report_delay: float = file_entry(
+        NONNEGATIVE, "Longest time until a row with its sample arrives; default 0.", default=0.0
+    )
     sees: str = file_entry(
         one_of(*SEES), "At an event it sees the state before or after; default before.",
         default="before",
@@ -111,6 +119,7 @@ class Sensor(Output):
                 f"{self.entry}.at (an event) is required; got {got}."
             )
         set_fields(self, measured=self._measured(), jump_measurement=self.sees)
+        _check_delay(self)
 
     def _measured(self) -> str:
         """The word of an [output] for its clock; InputError for a clock that cannot be met."""
@@ -164,6 +173,14 @@ class Sensor(Output):
     def event(self) -> str | None:
         """Name of the event at which alone it is read; None where it has a clock of its own."""
         return self.at
+
+
+def _check_delay(block: Event | Sensor) -> None:
+    """InputError unless its report delay is a number >= 0; a float from now on."""
+    delay = real(block.report_delay, f"{block.entry}.report_delay")
+    if not 0 <= delay < math.inf:
+        raise InputError(f"{block.entry}.report_delay must be a number >= 0; got {delay!r}.")
+    set_fields(block, report_delay=delay)
 
 
 def _range(values: Value, entry: str) -> tuple[float, float] | None:

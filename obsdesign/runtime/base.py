@@ -38,6 +38,7 @@ class Sample(NamedTuple):
     measurement (or before it, as the plant's `jump_measurement` has it). bounds: of b from t to the
     next row, of c at this jump, of v in this y; used by kinds with `declared_bounds` alone. events:
     of several, the places of those that happen; y, w are of all sensors and events, NaN without.
+    received: when the row arrived, None at its time.
     """
 
     t: float
@@ -47,6 +48,7 @@ class Sample(NamedTuple):
     jump: bool = False
     bounds: Bounds | None = None
     events: tuple[int, ...] = ()
+    received: float | None = None
 
 
 class Estimate(NamedTuple):

@@ -84,13 +84,12 @@ class NamedClocks:
         return Kept(tuple(guards), self.sampled_at(kept.sampled, t, y)), sentences
 
     def sampled_at(self, sampled: Sequence[float], t: float, y: Matrix | None) -> tuple[float, ...]:
-        """Times of the last samples after measurements y of time t, which may be a late one."""
+        """Times of the last samples after measurements y of time t."""
         if y is None:
             return tuple(sampled)
         there = self.of_sensors(y)
         return tuple(
-            max(last, t) if np.isfinite(own).any() else last
-            for last, own in zip(sampled, there, strict=True)
+            t if np.isfinite(own).any() else last for last, own in zip(sampled, there, strict=True)
         )
 
     def of_sensors(self, y: Matrix) -> list[Matrix]:

@@ -13,7 +13,7 @@ import json
 import math
 import types
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -22,32 +22,15 @@ from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
 from obsdesign.input_files import parse_json, require_depth
-from obsdesign.runtime.base import Row
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.finite_time.tape import Tape
+from obsdesign.runtime.progress import Progress
 
 FORMAT = "obsdesign/state"
-VERSION = 5
+VERSION = 6
 _KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _DTYPES: Entries = {"float": np.float64, "int": np.int64, "bool": np.bool_}
-
-
-@dataclass(frozen=True)
-class Progress:
-    """The state of an observer, and rows (t, y, u) since then that are taken again.
-
-    given: number of estimates of these rows that were written already.
-    """
-
-    state: Value
-    waiting: tuple[Row, ...] = ()
-    given: int = 0
-
-    @property
-    def t(self) -> float:
-        """Time of the last row."""
-        return float(self.waiting[-1][0] if self.waiting else self.state.t)
 
 
 def state_text(design: Design, progress: Progress) -> str:
@@ -73,17 +56,25 @@ def progress_from_text(text: str, design: Design, observer: Value, path: str) ->
     body = _checked_body(text, design, path)
     try:
         reader = _Reader([_array(entry) for entry in body["arrays"]])
-        state, waiting, given = body["progress"]
-        progress = Progress(
-            reader.entry(get_type_hints(type(observer).init)["return"], state, "state"),
-            reader.entry(tuple[Row, ...], waiting, "waiting"),
-            reader.entry(int, given, "given"),
-        )
+        progress = Progress(**_progress(body["progress"], reader, observer))
         _check_ranges(progress)
         _check_guards(progress.state, observer)
         return progress
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: not a state of kind {design.kind!r}: {error}") from None
+
+
+def _progress(stored: Value, reader: _Reader, observer: Value) -> NewEntries:
+    """Entries of a `Progress`; TypeError or ValueError where they are none."""
+    hints = get_type_hints(Progress)
+    names = [one.name for one in fields(Progress)]
+    if not isinstance(stored, list) or len(stored) != len(names):
+        raise _wrong("progress", f"a list of {len(names)}", stored)
+    entries = dict(zip(names, stored, strict=True))
+    hints["state"] = get_type_hints(type(observer).init)["return"]
+    if entries["state"] is None and entries["late"]:
+        hints["state"] = type(None)
+    return {name: reader.entry(hints[name], entry, name) for name, entry in entries.items()}
 
 
 def _checked_body(text: str, design: Design, path: str) -> NewEntries:
@@ -118,13 +109,20 @@ def _check_ranges(progress: Progress) -> None:
     """Raise TypeError unless times of the state and of the rows behind it are in order."""
     if progress.given < 0:
         raise _wrong("given", "at least 0", progress.given)
-    latest = progress.state.t
-    if not math.isfinite(latest):
+    latest = -math.inf if progress.state is None else progress.state.t
+    if progress.state is not None and not math.isfinite(latest):
         raise _wrong("state.t", "finite", latest)
     for k, row in enumerate(progress.waiting):
         if not (latest < row[0] < math.inf or (k == 0 and row[0] == latest)):
             raise _wrong(f"waiting[{k}][0]", f"finite and after {latest!r}", row[0])
         latest = row[0]
+    for k, late in enumerate(progress.late):
+        if not latest <= late.t < math.inf:
+            raise _wrong(f"late[{k}].t", f"finite and at least {latest!r}", late.t)
+        latest = late.t
+        _ = late.sample
+    if progress.now == math.inf:
+        raise _wrong("now", "finite", progress.now)
 
 
 def _check_guards(state: Value, observer: Value) -> None:

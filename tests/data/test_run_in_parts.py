@@ -66,7 +66,7 @@ def test_two_halves_are_one_record(desk: Path, stdin: bool) -> None:
     ran("run", "d.json", "all.csv", *START, "-o", "all_est.csv")
     assert halves(stdin=stdin) == (desk / "all_est.csv").read_text().splitlines()[1:]
     body = json.loads((desk / "s.json").read_text())
-    assert (body["format"], body["version"]) == ("obsdesign/state", 5)
+    assert (body["format"], body["version"]) == ("obsdesign/state", 6)
     assert body["design"] == json.loads((desk / "d.json").read_text())["digest"]
 
 
@@ -203,7 +203,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         ("[" * 9999, "not a state file that can be resumed"),
         (signed(body | {"more": json.loads("[" * 60 + "]" * 60)}), "nested deeper than 50"),
         (text.replace('"started": true', '"started": false'), "digest does not match the content"),
-        (signed(body | {"version": 1}), "version must be 5; got 1"),
+        (signed(body | {"version": 1}), "version must be 6; got 1"),
         (signed(body | {"format": "x"}), "format must be 'obsdesign/state'"),
         (signed(body | {"design": "sha256:0"}), "Was it saved by another design?"),
         (signed(body | {"kind": "impulsive"}), "kind must be 'interval'; got 'impulsive'"),
@@ -223,7 +223,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
     )
     again = refused("one.csv", "--state", "s.json")
     assert "line 2: t must increase; got 0.0 after " in again
-    assert "is another file of this run" in refused("two.csv", "--state", "e.csv", "-o", "e.csv")
+    assert "is the estimate file" in refused("two.csv", "--state", "e.csv", "-o", "e.csv")
     assert "is the estimate file" in refused("two.csv", "-o", "e.csv", "--events", "./e.csv")
     assert "one of the files that are read" in refused("two.csv", "--state", "two.csv")
     assert "--initial must be" in refused("one.csv", "--state", "new.json")

@@ -5,7 +5,7 @@
 Random plants (n = 1..5, stable or not, jumps, gaps, steps of very different length) with
 disturbances at their extremes, switching, from the corner of the start box; some in units of very
 different size, some with time stamps near 1.7e9, some without noise; samples that are missing, of
-some outputs alone, or late. Prints rows, violations and the largest one relative to the width;
+some outputs alone. Prints rows, violations and the largest one relative to the width;
 exits with 1 on a violation or a false contradiction.
 
 RESULTS: a file that gets a line for every hundred plants (seeds, rows, outside, contradictions,
@@ -92,21 +92,16 @@ def _run(
     observer: SetMembershipObserver, state: SetMembershipState, samples: tuple[Sample, ...],
     rng: np.random.Generator,
 ) -> list[Estimate]:  # fmt: skip
-    """Estimates of all rows; some samples come in part, some a few rows later."""
+    """Estimates of all rows; some samples come in part, some not at all."""
     share = 0.2 * float(rng.random() < 0.5)
     estimates: list[Estimate] = []
-    waiting: list[Sample] = []
     for sample in samples:
         y = None if sample.y is None else np.array(sample.y)
         if y is not None and rng.random() < share and not sample.jump:
-            waiting.append(sample)
             y = None
         elif y is not None and rng.random() < share:
             y[rng.integers(0, len(y))] = np.nan
         state, estimate = observer.step(state, sample._replace(y=y))
-        if waiting and rng.random() < 0.5:
-            late = waiting.pop(0)
-            state, estimate = observer.late(state, late.t, late.y)
         estimates.append(estimate)
     return estimates
 

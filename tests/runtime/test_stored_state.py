@@ -21,8 +21,9 @@ from obsdesign.errors import InputError
 from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.step_cache import shared_step
-from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
+from obsdesign.runtime.stored_state import progress_from_text, state_text
 
 SEED = 1
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.column_names import JUMP
+from obsdesign.column_names import JUMP, TIME
 from obsdesign.data.records import read_columns
 from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
@@ -28,8 +28,14 @@ class Table:
 
     @classmethod
     def from_file(cls, path: str | None) -> Table:
-        """The table in a file, or an empty one."""
-        return cls(str(path), {} if path is None else read_columns(path))
+        """The table in a file, or an empty one; its rows in the order of time, if they have one."""
+        return cls(str(path), {} if path is None else read_columns(path))._sorted()
+
+    def _sorted(self) -> Table:
+        if TIME not in self or not len(times := self.numbers(TIME)) or (np.diff(times) >= 0).all():
+            return self
+        order = np.argsort(times, kind="stable").tolist()
+        return Table(self.path, {x: [own[k] for k in order] for x, own in self.columns.items()})
 
     def __contains__(self, name: str) -> bool:
         return name in self.columns

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,16 +37,12 @@ class Clocks:
         """Known inputs w of an event, which stand behind those of the events before it."""
         return self._named.inputs(sample, event)
 
-    def parts(self, y: Matrix) -> Iterator[tuple[str, Matrix]]:
-        """Measurements that saw an event's "before", "after" or "none" of it, NaN elsewhere."""
-        for when in ("before", "after", "none"):
-            own = np.where(self._sees == when, y, np.nan)
-            if np.isfinite(own).any():
-                yield when, own
-
     def part(self, y: Matrix | None, when: str) -> Matrix | None:
-        """The measurements that saw the state before or after the events of a row."""
-        return None if y is None else dict(self.parts(y)).get(when)
+        """The measurements that saw the state before or after the events of a row, else NaN."""
+        if y is None:
+            return None
+        own = np.where(self._sees == when, y, np.nan)
+        return own if np.isfinite(own).any() else None
 
     def after(
         self, kept: Kept, t: float, row: tuple[Matrix | None, tuple[int, ...]], started: bool
@@ -60,15 +56,15 @@ class Clocks:
         sentences += self._samples_not_kept(kept.sampled[0], t, y, started, bool(events))
         if events and self._hides_sample(kept.sampled[0], t):
             return Kept((guard,), (t,)), sentences
-        return Kept((guard,), self.sampled_at(kept.sampled, t, y)), sentences
+        return Kept((guard,), self._sampled_at(kept.sampled, t, y)), sentences
 
-    def sampled_at(
+    def _sampled_at(
         self, sampled: Sequence[float], t: float, y: Matrix | None
     ) -> tuple[float, ...]:  # fmt: skip
-        """Times of the last samples after measurements y of time t, which may be a late one."""
+        """Times of the last samples after measurements y of time t."""
         if self.gains.sensors:
             return self._named.sampled_at(sampled, t, y)
-        return tuple(sampled) if y is None else (max(sampled[0], t),)
+        return tuple(sampled) if y is None else (t,)
 
     def _hides_sample(self, sampled: float, t: float) -> bool:
         """Does a jump at t hide the sample that was due there? It then counts as taken."""

@@ -25,7 +25,6 @@ from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
 from obsdesign.runtime.named_clocks import Kept
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
 from obsdesign.runtime.set_membership.clocks import Clocks
-from obsdesign.runtime.set_membership.late import with_late_strip
 from obsdesign.runtime.set_membership.model import (
     Disturbance,
     Model,
@@ -122,39 +121,6 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         names = [self.gains.every_event[k].name for k in events]
         return self._concluded(following, row, reasons, names)
 
-    def late(
-        self, state: SetMembershipState, t: float, y: ArrayLike
-    ) -> tuple[SetMembershipState, Estimate]:
-        """Use a measurement of an earlier time t, and return new bounds for the time of the state.
-
-        y (p,), NaN for an output that is missing. The rows since then keep what they reported. A
-        measurement from before the oldest stage of the window changes nothing, which the status
-        says. ValueError if t is after the last row, or at a jump where `jump_measurement` is none.
-        """
-        now, measured = instant(t), self._measured(y)
-        earlier = state.recent[:-1]
-        if now > state.t or not state.started:
-            raise ValueError(f"a late sample must be at most at {state.t!r}; got {now!r}.")
-        if measured is None:
-            raise ValueError("y of a late sample must have a finite entry; got none.")
-        tape = Tape(state.start, state.stages, state.box)
-        changed: Tape | Contradiction | None = tape
-        with np.errstate(over="ignore", invalid="ignore"):
-            for when, part in self._clocks.parts(measured):
-                if isinstance(changed, Tape):
-                    strip = sampled_strip(part, *self.declared_bounds.v.completed(None))
-                    changed = with_late_strip(self._bounder, changed, now, strip, when)
-            if tape.stages:
-                row = self._bounded(tape if changed is None else changed, tape.box, earlier)
-            else:  # nothing has come since the tape began
-                row = self._restarted(tape.box, None)
-        reasons = [] if row.fault is None else [row.fault]
-        if changed is None:
-            reasons.append(f"late sample at {now:.9g} is older than the window")
-        sampled = self._clocks.sampled_at(state.sampled, now, measured)
-        state = state._replace(sampled=sampled, recent=earlier)
-        return self._concluded(state, row, reasons, [])
-
     def _concluded(
         self, state: SetMembershipState, row: _Row, reasons: list[str], events: list[str]
     ) -> tuple[SetMembershipState, Estimate]:
@@ -211,11 +177,9 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             return self._restarted(free, fault)
         return self._bounded(tape, free, state.recent)
 
-    def _bounded(self, tape: Tape | Contradiction, free: Matrix, recent: Sequence[Matrix]) -> _Row:
+    def _bounded(self, tape: Tape, free: Matrix, recent: Sequence[Matrix]) -> _Row:
         """The bounds of a tape; where they are empty, a tape that begins with the box `free`."""
-        bounded = (
-            tape if isinstance(tape, Contradiction) else self._bounder.bounded(tape, recent)
-        )  # fmt: skip
+        bounded = self._bounder.bounded(tape, recent)
         if isinstance(bounded, Contradiction):
             return self._restarted(free, bounded.sentence)
         return _Row(*bounded, None)

@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.column_names import numbered
+from obsdesign.column_names import TIME, numbered
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.instants import default_until
 from obsdesign.data.records import Layout, read_columns, read_samples
@@ -85,9 +85,11 @@ class ComparisonRecord:
         with open(path, encoding="utf-8", newline="") as stream:
             samples = tuple(read_samples(stream, layout, path))
         q = 0 if flow.D is None else flow.D.shape[1]
-        return ComparisonRecord(
-            samples, _truth(columns, "x", plant.n, path), _truth(columns, "d", q, path), path
-        )
+        # samples are in the order of time, whenever they arrived
+        order = np.argsort(numbers_from_cells(columns[TIME]), kind="stable")
+        x, d = (_truth(columns, *size, path) for size in (("x", plant.n), ("d", q)))
+        x, d = (None if truth is None else truth[order] for truth in (x, d))
+        return ComparisonRecord(samples, x, d, path)
 
 
 def end_of_record(plant: Plant) -> float | None:

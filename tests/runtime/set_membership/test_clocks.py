@@ -170,19 +170,6 @@ def test_an_event_that_the_plant_has_not_is_refused(events: tuple[int, ...]) -> 
         observer.step(observer.init(0.0, **_START), Sample(0.0, jump=True, events=events))
 
 
-def test_a_late_sample_is_used_by_the_sensor_that_it_is_of() -> None:
-    observer, rows = observer_of(DOSES, 16), samples_of(record(6))
-    k = next(i for i, row in enumerate(rows) if i > 3 and row.y is not None)
-    rows = rows[: k + 3]
-    whole = estimates(observer, rows)[-1]
-    state = observer.init(rows[0].t, **_START)
-    for i, row in enumerate(rows):
-        state, _ = observer.step(state, row._replace(y=None) if i == k else row)
-    late = observer.late(state, rows[k].t, rows[k].y)[1]  # type: ignore[arg-type]
-    assert np.allclose(late.lower, whole.lower, atol=_SEARCHED)  # type: ignore[arg-type]
-    assert np.allclose(late.upper, whole.upper, atol=_SEARCHED)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("change", [{"sees": "after"}, {"outputs": 2}])
 def test_gains_of_another_clock_are_refuted(change: dict[str, Any]) -> None:
     design = obsdesign.design(Problem.from_dict(DOSES))

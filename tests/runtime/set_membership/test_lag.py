@@ -90,15 +90,3 @@ def test_nothing_before_a_contradiction_is_used_after_it() -> None:
     ended = observer.reset(state, lower=[0.0] * 2, upper=[1.0] * 2)
     _, estimate = observer.step(ended, Sample(3.0, y=[0.5, 0.5]))
     assert np.isnan(estimate.lagged).all()
-
-
-def test_a_late_sample_is_of_the_row_it_comes_after() -> None:
-    observer = _observer(0.05)
-    state = observer.init(lower=[-1.0] * 2, upper=[1.0] * 2)
-    for k in range(LAG + 2):
-        sample = Sample(STEP * (k + 1), y=None if k == 2 else [0.0, 0.0])
-        state, estimate = observer.step(state, sample)
-    after, late = observer.late(state, 3 * STEP, [0.0, 0.0])
-    assert len(after.recent) == len(state.recent) == LAG + 1
-    assert (late.lagged[0] >= estimate.lagged[0]).all()
-    assert (late.lagged[1] <= estimate.lagged[1]).all()

@@ -17,9 +17,10 @@ from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample, samples_of
 from obsdesign.runtime.bounds import Bounds
 from obsdesign.runtime.columns import Columns
+from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.tape import strip_cut
-from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
+from obsdesign.runtime.stored_state import progress_from_text, state_text
 from tests.systems.set_membership import Case, bounds_of, cases, observer_of
 
 CASES = cases()

@@ -1,0 +1,59 @@
+"""Rows of a record as they arrive: put in the order of time, each once it is final."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from obsdesign.errors import InputError
+from obsdesign.runtime.base import Sample
+from obsdesign.runtime.late_rows import Arrival, LateRows, received
+
+Remark = Callable[[str], None]
+
+
+@dataclass
+class Arrivals:
+    """How rows of a record that arrive late are put in order.
+
+    buffer: those that an earlier row may still precede; is_stream: lines come in the order of
+    arrival, whatever a column `received` says; remark: called with a sentence for each row that
+    comes too late, which is left out; watch: called with each arrival.
+    """
+
+    buffer: LateRows
+    remark: Remark
+    is_stream: bool = False
+    watch: Callable[[Arrival], None] | None = None
+
+    def in_order(
+        self, samples: Iterator[Sample], name: str, skip: Remark | None, *, has_stamps: bool
+    ) -> Iterator[Sample]:
+        """Rows in the order of time, each once none before it can come; the others stay.
+
+        has_stamps: is there a column `received`? Without it rows arrive in the order of lines.
+        skip: called with a sentence for a second row of one time, where rows may not share it;
+        without it that is an InputError.
+        """
+        listed: Iterable[tuple[int, Sample]] = enumerate(samples)
+        if has_stamps and not self.is_stream:
+            listed = sorted(listed, key=lambda row: received(row[1]))
+        for rank, sample in listed:
+            try:
+                arrival = self.buffer.insert(sample, rank)
+            except ValueError as error:
+                if skip is None:
+                    raise InputError(f"{name}: {error}") from None
+                skip(f"{name}: {error} The later one is skipped.")
+                continue
+            if arrival is None:
+                self.remark(f"{name}: {self.buffer.reason_against(sample)}")
+                continue
+            if self.watch is not None:
+                self.watch(arrival)
+            yield from self.buffer.settled()
+
+    @property
+    def waiting(self) -> Sequence[Sample]:
+        """Rows that an earlier one may still precede."""
+        return self.buffer.samples

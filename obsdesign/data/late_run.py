@@ -1,0 +1,91 @@
+"""A run on rows that arrive late: their order, what is final, what is provisional."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import chain
+
+from obsdesign.data.arrivals import Arrivals, Remark
+from obsdesign.data.csv_text import estimate_header, estimate_line
+from obsdesign.data.layout import Layout
+from obsdesign.data.stream import Stream, refuse_whole_records
+from obsdesign.errors import InputError
+from obsdesign.output_files import replacing
+from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
+from obsdesign.runtime.late_rows import Arrival, LateRows, Replay, provisional
+from obsdesign.runtime.progress import Progress
+
+
+def refuse_late_rows(layout: Layout, observer: Observer, target: str | None) -> None:
+    """InputError for rows that may be late where the observer takes all at once, or none may be.
+
+    target: file of provisional estimates, None without one.
+    """
+    if layout.lag > 0:
+        refuse_whole_records(observer, "report_delay")
+    elif target is not None:
+        raise InputError(
+            "--provisional: report_delay of an event or a sensor is required; the plant of the "
+            "design has none."
+        )
+
+
+def arrivals_of(
+    layout: Layout, stored: Progress | None, remark: Remark, *, is_stream: bool = False,
+    watch: Callable[[Arrival], None] | None = None,
+) -> Arrivals:  # fmt: skip
+    """The order of rows that may be late, with those that wait since the last part."""
+    stored = Progress(None) if stored is None else stored
+    waiting = [row.sample for row in stored.late]
+    buffer = LateRows(
+        layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now
+    )  # fmt: skip
+    return Arrivals(buffer, remark, is_stream, watch)
+
+
+def then_the_rest(
+    parts: Stream, rows: Iterator[Sample], arrivals: Arrivals | None, *, live: bool
+) -> Iterator[Estimate]:
+    """Estimates of final rows; then of rows that are not, as provisional, where they are given."""
+    yield from parts.estimates(rows, live=live)
+    waiting = () if arrivals is None else arrivals.waiting
+    if waiting:  # the last row to arrive always waits
+        parts.begin(waiting[0].t)
+        rest = chain(parts.estimates(iter(waiting), live=live), parts.tail())
+        yield from map(provisional, rest)
+
+
+@contextmanager
+def provisional_lines(
+    path: str | None, observer: Observer, stored: Progress | None,
+    initial: Sequence[float] | None, live: bool,
+) -> Iterator[Callable[[Arrival], None] | None]:  # fmt: skip
+    """Writes an arrival's provisional estimates to a file; None without one."""
+    if path is None:
+        yield None
+        return
+    replay = Replay(observer, _state_at_rows(observer, stored, initial))
+    with replacing(path) as file:
+        file.write(estimate_header(observer.names) + "\n")
+
+        def write(arrival: Arrival) -> None:
+            file.writelines(estimate_line(each) + "\n" for each in replay.revised(arrival))
+            if live:
+                file.flush()
+
+        yield write
+
+
+def _state_at_rows(
+    observer: Observer, stored: Progress | None, initial: Sequence[float] | None
+) -> KindState | Callable[[float], KindState]:
+    """The state before the first row of the buffer, or how it begins where no row is final yet."""
+    if stored is None:
+        return lambda t: observer.start(t, initial)
+    if stored.state is None:
+        return lambda t: observer.start(t, stored.initial)
+    state: KindState = stored.state
+    for row in stored.waiting:
+        state, _ = observer.step(state, Sample(*row))
+    return state

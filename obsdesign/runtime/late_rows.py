@@ -1,0 +1,171 @@
+"""Rows that arrive late: a buffer in the order of time, and a replay of later rows.
+
+States are immutable and a step has no effect but its result: a row that arrives late is inserted,
+and the rows behind it are stepped again from the state before it. What comes out is, bit for bit,
+what rows in the order of time give, whatever the kind of observer.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
+from obsdesign.runtime.time_stamps import time_tolerance
+
+PROVISIONAL = "provisional"
+
+
+class _Row(NamedTuple):
+    """A row of the buffer; rank: its place in the order of the file."""
+
+    t: float
+    rank: int
+    sample: Sample
+
+
+class Arrival(NamedTuple):
+    """A row has arrived: all rows of the buffer, the place of the new one, how many leave it."""
+
+    samples: Sequence[Sample]
+    place: int
+    leaving: int
+
+
+class LateRows:
+    """Rows of the last `lag` in the order of time; rows of one time in the order of the file.
+
+    lag: longest time between a row and its arrival; may_repeat: rows may share a time; now: time
+    of the last arrival so far. `samples` are the rows that a later arrival may still precede.
+    """
+
+    def __init__(
+        self, lag: float, *, may_repeat: bool = True, samples: Sequence[Sample] = (),
+        now: float = -math.inf,
+    ) -> None:  # fmt: skip
+        self.lag, self.now, self._may_repeat = lag, now, may_repeat
+        self._rows = [_Row(x.t, k - len(samples), x) for k, x in enumerate(samples)]
+
+    @property
+    def samples(self) -> tuple[Sample, ...]:
+        """The rows of the buffer."""
+        return tuple(row.sample for row in self._rows)
+
+    def insert(self, sample: Sample, rank: int) -> Arrival | None:
+        """Put a row in its place; None if it is older than the buffer.
+
+        rank: its place in the order of the file. ValueError for a second row of one time where rows
+        may not share it.
+        """
+        self.now = max(self.now, received(sample))
+        if self._is_settled(sample.t):
+            return None
+        place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
+        self._rows.insert(place, _Row(sample.t, rank, sample))
+        beside = [row.t for row in self._rows[max(place - 1, 0) : place + 2]]
+        if not self._may_repeat and beside.count(sample.t) > 1:
+            self.withdraw(place)
+            raise ValueError(f"t must differ from row to row; {sample.t!r} stands twice.")
+        return Arrival(self.samples, place, self._leaving)
+
+    def withdraw(self, place: int) -> None:
+        """Take a row out again."""
+        del self._rows[place]
+
+    def settled(self) -> list[Sample]:
+        """Take out the rows that no other can precede any more."""
+        count = self._leaving
+        rows, self._rows = self._rows[:count], self._rows[count:]
+        return [row.sample for row in rows]
+
+    def reason_against(self, sample: Sample) -> str:
+        """Sentence about a row that is older than the buffer."""
+        return (
+            f"the row of t = {sample.t:.9g} arrived at {self.now:.9g}, more than report_delay "
+            f"{self.lag:.9g} later; it is skipped."
+        )
+
+    @property
+    def _leaving(self) -> int:
+        if self.lag == 0:  # rows of one time come in order
+            return len(self._rows)
+        return sum(self._is_settled(row.t) for row in self._rows)
+
+    def _is_settled(self, t: float) -> bool:
+        """Have all rows up to time t arrived by now?"""
+        return self.now - t > self.lag + time_tolerance(self.lag, self.now)
+
+
+class Replay:
+    """An observer on rows that arrive late: estimates of all rows that an arrival changes.
+
+    lag: longest time between a row and its arrival. state: that before the first row, or a function
+    from the time of that row to this state, where an earlier row may still come.
+    """
+
+    def __init__(
+        self,
+        observer: Observer,
+        state: KindState | Callable[[float], KindState],
+        lag: float = 0.0,
+    ) -> None:
+        self._observer, self._state = observer, state
+        self._entries: list[tuple[KindState, Estimate]] = []
+        self._rows, self._arrived = LateRows(lag), 0
+
+    def take(self, sample: Sample) -> list[Estimate]:
+        """Estimates of the row and of those behind it, then of the rows that are final with it.
+
+        The former have the status `provisional`. Nothing for a row older than the lag. ValueError
+        for a sample that the observer cannot take.
+        """
+        arrival = self._rows.insert(sample, self._arrived)
+        if arrival is None:
+            return []
+        self._arrived += 1
+        try:
+            final = [estimate for _, estimate in self._stepped(arrival)[: arrival.leaving]]
+        except ValueError:
+            self._rows.withdraw(arrival.place)
+            raise
+        estimates = [*self.revised(arrival), *final]
+        self._rows.settled()
+        return estimates
+
+    def revised(self, arrival: Arrival) -> list[Estimate]:
+        """Provisional estimates of the row that arrived, and of those behind it."""
+        entries = self._stepped(arrival)
+        estimates = [provisional(estimate) for _, estimate in entries[arrival.place :]]
+        if arrival.leaving:
+            self._state = entries[arrival.leaving - 1][0]
+            del entries[: arrival.leaving]
+        return estimates
+
+    def _stepped(self, arrival: Arrival) -> list[tuple[KindState, Estimate]]:
+        """States and estimates after all rows of the buffer."""
+        samples, place, _ = arrival
+        entries = self._entries
+        if len(entries) < len(samples):
+            del entries[place:]
+        state = self._before(samples[0].t) if not entries else entries[-1][0]
+        for sample in samples[len(entries) :]:
+            state, estimate = self._observer.step(state, sample)
+            entries.append((state, estimate))
+        return entries
+
+    def _before(self, t: float) -> KindState:
+        """The state before the first row of the buffer, which is of time t."""
+        return self._state(t) if callable(self._state) else self._state
+
+
+def provisional(estimate: Estimate) -> Estimate:
+    """The estimate with the word that rows before it may still come, beside other reasons."""
+    reasons = [] if estimate.status == "ok" else [estimate.status]
+    return estimate._replace(status="; ".join([PROVISIONAL, *reasons]))
+
+
+def received(sample: Sample) -> float:
+    """When a row arrived; at its time where nothing is stated."""
+    return sample.t if sample.received is None else sample.received

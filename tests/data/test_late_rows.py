@@ -1,0 +1,275 @@
+"""`run` on rows that arrive late: files, pipes, parts; what is final, what is provisional."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+import obsdesign
+from obsdesign import InputError
+from obsdesign.cli.commands import cli
+from obsdesign.data.simulation import simulate
+from obsdesign.problem.problem import Problem
+from tests.cli.test_commands import ROOT
+from tests.systems.clocks import DOSES
+
+LAG = 8.0
+START = "--initial=-2,2,-2,2,-2,2"
+
+
+def delayed(**changes: Any) -> dict[str, Any]:
+    """The doses, reported within an hour, and assays that take a while."""
+    body = copy.deepcopy(DOSES)
+    body["event"][0]["report_delay"] = 1.0
+    body["sensor"][0] |= {"report_delay": LAG, "every": [0.5, 3]}
+    body["observer"] |= {"window": 4, "steps": 1}
+    return body | changes
+
+
+def ran(*arguments: object, stdin: str | None = None) -> Result:
+    return CliRunner().invoke(cli, [*map(str, arguments)], input=stdin, standalone_mode=False)
+
+
+def cells(path: str) -> list[list[str]]:
+    return list(csv.reader(io.StringIO(Path(path).read_text())))
+
+
+def text(titles: list[str], rows: list[list[str]]) -> str:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows([titles, *rows])
+    return out.getvalue()
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A design; a record in the order of time, of arrival, and without arrivals; its estimates."""
+    monkeypatch.chdir(tmp_path)
+    obsdesign.design(Problem.from_dict(delayed())).save("d.json")
+    (tmp_path / "p.json").write_text(json.dumps(delayed()), encoding="utf-8")
+    assert ran("simulate", "p.json", "--until", 40, "-o", "time.csv").exception is None
+    titles, *rows = cells("time.csv")
+    k = titles.index("received")
+    arrived = sorted(rows, key=lambda row: float(row[k]))
+    assert arrived != rows
+    Path("arrived.csv").write_text(text(titles, arrived))
+    cut = [row[:k] + row[k + 1 :] for row in (titles, *rows)]
+    Path("in_time.csv").write_text(text(cut[0], cut[1:]))
+    done = ran("run", "d.json", "time.csv", START, "-o", "e.csv")
+    assert (done.exception, done.return_value) == (None, 0)
+    return tmp_path
+
+
+def test_final_rows_are_those_of_rows_in_time(desk: Path) -> None:
+    ran("run", "d.json", "in_time.csv", START, "-o", "whole.csv")
+    ran("run", "d.json", "arrived.csv", START, "-o", "arrived_est.csv")
+    piped = ran("run", "d.json", START, stdin=Path("arrived.csv").read_text())
+    lines = Path("e.csv").read_text().splitlines()
+    assert piped.stdout.splitlines() == lines
+    assert Path("arrived_est.csv").read_text().splitlines() == lines
+    whole = Path("whole.csv").read_text().splitlines()
+    assert [line.rsplit(",", 1)[0] for line in whole] == [x.rsplit(",", 1)[0] for x in lines]
+    assert sum(line.endswith("provisional") for line in lines) < len(lines) / 2
+
+
+def test_provisional_rows_have_a_file_of_their_own(desk: Path) -> None:
+    done = ran("run", "d.json", "time.csv", START, "-o", "f.csv", "--provisional", "p.csv")
+    assert done.exception is None
+    lines = Path("e.csv").read_text().splitlines()
+    final = Path("f.csv").read_text().splitlines()
+    others = Path("p.csv").read_text().splitlines()[1:]
+    assert final == [line for line in lines if not line.endswith("provisional")]
+    assert all(",provisional" in line for line in others)
+    latest = {line.split(",")[0]: line.rsplit(",", 1)[0] for line in others}
+    assert list(latest.values()) != [line.rsplit(",", 1)[0] for line in others]
+    for line in lines[1:]:
+        assert latest[line.split(",")[0]] == line.rsplit(",", 1)[0]
+
+
+@pytest.mark.parametrize("cuts", [(1,), (3, 20), (10, 11, 12)])
+def test_parts_are_one_record(desk: Path, cuts: tuple[int, ...]) -> None:
+    titles, *rows = Path("arrived.csv").read_text().splitlines()
+    lines, others = [], []
+    for k, part in enumerate(np.split(np.arange(len(rows)), cuts)):
+        Path("part.csv").write_text("\n".join([titles, *(rows[i] for i in part)]) + "\n")
+        start = [START] if k == 0 else []
+        done = ran("run", "d.json", "part.csv", *start, "--state", "s.json", "-o", "part_est.csv",
+                   "--provisional", "part_prov.csv")  # fmt: skip
+        assert (done.exception, done.return_value) == (None, 0)
+        lines += Path("part_est.csv").read_text().splitlines()[1:]
+        others += Path("part_prov.csv").read_text().splitlines()[1:]
+    ran("run", "d.json", "arrived.csv", START, "-o", "f.csv", "--provisional", "p.csv")
+    assert lines == Path("f.csv").read_text().splitlines()[1:]
+    assert others == Path("p.csv").read_text().splitlines()[1:]
+
+
+def _field(place: int, value: Any) -> Any:
+    return lambda body: body["progress"].__setitem__(place, value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_field(4, "inf"), "now must be finite"),
+        (_field(5, "x"), "initial must be"),
+        (lambda body: body["progress"][3][0].__setitem__("t", -5.0), "late[0].t must be"),
+        (lambda body: body["progress"][3][0].__setitem__("bounds", [None] * 4), "b, c and v"),
+        (lambda body: body["progress"].pop(), "progress must be a list of 6"),
+    ],
+)
+def test_a_state_whose_late_rows_are_none_is_refused(desk: Path, change: Any, words: str) -> None:
+    from tests.data.test_run_in_parts import signed
+
+    ran("run", "d.json", "arrived.csv", START, "--state", "s.json", "-o", "f.csv")
+    body = json.loads(Path("s.json").read_text())
+    change(body)
+    Path("s.json").write_text(signed(body))
+    done = ran("run", "d.json", "arrived.csv", "--state", "s.json", "-o", "g.csv")
+    assert isinstance(done.exception, InputError)
+    assert words in str(done.exception)
+    assert not Path("g.csv").exists()
+
+
+@pytest.mark.parametrize("stdin", [False, True])
+def test_a_row_older_than_the_buffer_is_skipped(desk: Path, stdin: bool) -> None:
+    titles, *rows = cells("arrived.csv")
+    t = float(rows[20][0])
+    late = [str(t - LAG - 20.0), "0.5", *[""] * 3, str(float(rows[20][5])), *[""] * 3]
+    Path("late.csv").write_text(text(titles, [*rows[:21], late, *rows[21:]]))
+    source = [] if stdin else ["late.csv"]
+    done = ran("run", "d.json", *source, START, "-o", "f.csv",
+               stdin=Path("late.csv").read_text() if stdin else None)  # fmt: skip
+    assert (done.exception, done.return_value) == (None, 0)
+    assert Path("f.csv").read_bytes() == Path("e.csv").read_bytes()
+    first, *_ = done.stderr.splitlines()
+    assert f"the row of t = {float(late[0]):.9g} arrived at" in first
+    assert first.endswith("more than report_delay 8 later; it is skipped.")
+    assert len(done.stderr.splitlines()) == 2
+
+
+def test_without_report_delay_rows_that_go_back_are_refused(desk: Path) -> None:
+    """The twin: no delay is stated, and nothing says when rows arrived."""
+    obsdesign.design(Problem.from_dict(DOSES)).save("d0.json")
+    titles, *rows = cells("arrived.csv")
+    k = titles.index("received")
+    Path("back.csv").write_text(text(titles[:k], [row[:k] for row in rows]))
+    done = ran("run", "d0.json", "back.csv", START, "-o", "f.csv")
+    assert "t must increase" in str(done.exception)
+    done = ran("run", "d.json", "back.csv", START, "-o", "f.csv")
+    assert done.exception is None
+    done = ran("run", "d0.json", "in_time.csv", START, "-o", "f.csv", "--provisional", "p.csv")
+    assert "--provisional: report_delay of an event or a sensor is required" in str(done.exception)
+    # a column of arrivals is believed: what is late is skipped, the others are as in time
+    done = ran("run", "d0.json", "time.csv", START, "-o", "f.csv")
+    assert done.exception is None
+    assert done.stderr.count("more than report_delay 0 later") > 5
+    assert "provisional" not in Path("f.csv").read_text()
+
+
+@pytest.mark.parametrize("delay", [-1, "inf", "soon"])
+def test_a_delay_that_is_none_is_refused(delay: Any) -> None:
+    body = delayed()
+    body["sensor"][1]["report_delay"] = delay
+    with pytest.raises(InputError, match=r"report_delay.* must be a number"):
+        Problem.from_dict(body)
+
+
+def test_an_arrival_before_its_row_is_refused(desk: Path) -> None:
+    Path("bad.csv").write_text("t,plasma,tissue,dose,bolus,received\n3,,,,,2\n")
+    done = ran("run", "d.json", "bad.csv", START, "-o", "f.csv")
+    assert "line 2: received must be at least t, 3.0; got 2.0." in str(done.exception)
+
+
+def test_simulations_draw_delays() -> None:
+    def run(body: dict[str, Any]) -> dict[str, Any]:
+        return simulate(Problem.from_dict(body).plant, until=200.0,
+                        rng=np.random.default_rng(1)).columns  # fmt: skip
+
+    columns, body = run(delayed()), delayed()
+    for block in (*body["event"], *body["sensor"]):
+        block.pop("report_delay", None)
+    plain = run(body)
+    assert "received" not in plain
+    for name, own in plain.items():
+        assert np.array_equal(own, columns[name], equal_nan=True)
+    waits = columns["received"] - columns["t"]
+    plasma, dose = np.isfinite(columns["plasma"]), np.isfinite(columns["dose"])
+    assert (waits[~plasma & ~dose] == 0).all()
+    assert (waits[plasma] <= LAG + 1e-9).all()
+    assert (waits[dose & ~plasma] <= 1.0 + 1e-9).all()
+    assert waits[plasma].max() > 0.8 * LAG
+    assert 0.4 < waits[plasma].mean() / LAG < 0.6
+
+
+def test_comparisons_and_pictures_take_rows_in_the_order_of_time(desk: Path) -> None:
+    tables = []
+    for name in ("time", "arrived"):
+        done = ran("compare", "p.json", "--data", f"{name}.csv", "--kinds", "set_membership",
+                   "--time", 5)  # fmt: skip
+        assert done.exception is None
+        words = [line.split()[:-1] for line in done.stdout.splitlines()]  # without the time taken
+        tables.append([own for own in words if own[:1] in (["set"], ["Kalman"])])
+        ran("plot", "e.csv", f"{name}.csv", "-o", f"{name}.svg")
+    assert tables[0] == tables[1]
+    assert len(tables[0]) == 2
+    drawings = [Path(f"{name}.svg").read_text() for name in ("time", "arrived")]
+    assert drawings[0] == drawings[1]
+
+
+# --- kinds whose rows are decided later -------------------------------------------------------------
+
+
+def unknown_input(differentiator: str) -> dict[str, Any]:
+    body = obsdesign.load_problem(ROOT / "examples" / "ahn_1.toml").to_dict()
+    output = body.pop("output")
+    body["sensor"] = [{"name": "arm", "C": output["C"], "every": 0.1, "report_delay": 0.5,
+                       "noise_std": [0.01, 0.01]}]  # fmt: skip
+    body["observer"] = {"kind": "unknown_input", "differentiator": differentiator}
+    return body
+
+
+def test_rows_that_are_decided_later_are_as_in_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    problem = Problem.from_dict(unknown_input("fixed_lag"))
+    obsdesign.design(problem).save("d.json")
+    problem_file = tmp_path / "p.json"
+    problem_file.write_text(json.dumps(problem.to_dict()))
+    ran("simulate", "p.json", "--until", 6, "-o", "time.csv")
+    titles, *rows = cells("time.csv")
+    k = titles.index("received")
+    Path("plain.csv").write_text(text(titles[:k], [row[:k] for row in rows]))
+    rows.sort(key=lambda row: float(row[k]))
+    Path("arrived.csv").write_text(text(titles, rows))
+    body = problem.to_dict()
+    del body["sensor"][0]["report_delay"]
+    obsdesign.design(Problem.from_dict(body)).save("d0.json")
+    ran("run", "d0.json", "plain.csv", "-o", "whole.csv")
+    done = ran("run", "d.json", "arrived.csv", "-o", "f.csv", "--provisional", "p.csv")
+    assert done.exception is None
+    final = Path("f.csv").read_text().splitlines()
+    assert final == Path("whole.csv").read_text().splitlines()[: len(final)]
+    assert 30 < len(final) < 55
+    ran("run", "d.json", "arrived.csv", "-o", "g.csv")
+    lines = Path("g.csv").read_text().splitlines()
+    assert len(lines) == 62
+    assert lines[: len(final)] == final
+    assert all("provisional" in line for line in lines[len(final) :])
+
+
+def test_a_record_that_is_smoothed_as_a_whole_has_no_late_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    obsdesign.design(Problem.from_dict(unknown_input("batch"))).save("d.json")
+    Path("a.csv").write_text("t,arm1,arm2\n0,0,0\n")
+    done = ran("run", "d.json", "a.csv", "-o", "f.csv")
+    assert str(done.exception).startswith("report_delay: observer.differentiator 'batch'")
