@@ -10,6 +10,7 @@ from obsdesign.runtime.impulsive_input.residuals import Residuals
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered
 from obsdesign.runtime.impulsive_input.samples.onset import Cells
 from obsdesign.runtime.impulsive_input.samples.steady_input import SteadyInputs
+from obsdesign.runtime.state_marks import Past
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +28,7 @@ class SampledLive:
     cells: Cells
     steady: SteadyInputs
     level: Matrix
-    first: float
+    first: Past
     before: tuple[Filtered, ...] = ()
     history: History = field(default_factory=History)
 
