@@ -106,7 +106,7 @@ def combined(*terms: tuple[Ball | int, Polynomial]) -> Polynomial:
 
 def positive(p: Polynomial, effort: Effort | None = None) -> bool | None:
     """True: p > 0 on [0, 1], proved. False: p < 0 somewhere, proved. None: neither."""
-    return _positive(_bernstein(p), _DEPTH, effort)
+    return _positive(_bernstein(p), 0.0, 1.0, effort)[0]
 
 
 def _bernstein(p: Polynomial) -> Polynomial:
@@ -119,13 +119,18 @@ def _bernstein(p: Polynomial) -> Polynomial:
     return b
 
 
-def _positive(b: Polynomial, depth: int, effort: Effort | None) -> bool | None:
-    if b[0] < 0 or b[-1] < 0:
-        return False
+def _positive(
+    b: Polynomial, low: float, width: float, effort: Effort | None
+) -> tuple[bool | None, float]:
+    """Verdict of `positive` on [low, low + width] and a place, p < 0 there if that is False."""
+    if b[0] < 0:
+        return False, low
+    if b[-1] < 0:
+        return False, low + width
     if all(x > 0 for x in b):
-        return True
-    if depth == 0:
-        return None
+        return True, low
+    if width <= 2.0**-_DEPTH:
+        return None, low
     if effort is not None:
         effort.spend()
     left, right, row = [b[0]], [b[-1]], b
@@ -133,10 +138,11 @@ def _positive(b: Polynomial, depth: int, effort: Effort | None) -> bool | None:
         row = [(x + y) / 2 for x, y in itertools.pairwise(row)]
         left.append(row[0])
         right.append(row[-1])
-    first = _positive(left, depth - 1, effort)
-    if first is not True:
+    half = width / 2
+    first = _positive(left, low, half, effort)
+    if first[0] is not True:
         return first
-    return _positive(right[::-1], depth - 1, effort)
+    return _positive(right[::-1], low + half, half, effort)
 
 
 def one_sign(
@@ -145,11 +151,15 @@ def one_sign(
     sign: int,
     effort: Effort | None = None,
 ) -> tuple[bool | None, float]:
-    """(verdict of `positive` for sign x function over all boxes, start of the box that decided)."""
+    """(verdict of `positive` for sign x function over all boxes, a place that decided).
+
+    Where the verdict is False the function has the other sign at that place.
+    """
     place = math.nan
     for box in cover:
-        place = box.start
-        verdict = positive([sign * c for c in function(box)], effort)
+        b = _bernstein([sign * c for c in function(box)])
+        verdict, part = _positive(b, 0.0, 1.0, effort)
+        place = box.start + part * box.width
         if verdict is not True:
             return verdict, place
     return True, place

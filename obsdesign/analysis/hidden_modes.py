@@ -9,12 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
-from lmi.arithmetic.balls import Exact, exact, row_echelon, surely_observable
+from lmi.arithmetic.balls import Exact, exact, row_echelon, surely_observable, to_float
 from lmi.prove.hurwitz import prove_hurwitz
+from lmi.rank.witness import MARGIN
 from lmi.refute.spectral import refute_spectral
+from lmi.verdict import Verdict, undecided
 
 # A mode counts as unobservable when [A - s I; C] is this close to losing rank, relative to its size
 RANK_TOLERANCE = 1e-10
+_LATER = 2.0**-10  # of the range, or of the fastest time: spacings that count as positive
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,34 @@ def fixed_parts(maps: Sequence[Array], C: Array, pattern: Array) -> list[tuple[E
     return parts if untouched is None else [*parts, tuple(X.T for X in untouched.maps)]
 
 
+def refuted_in_time(F: Array, H: Array, low: float, high: float) -> Verdict:
+    """Refuted where x -> e^{F theta} H x does not decay as time passes; otherwise undecided.
+
+    As `refute_spectral`, but for impulses at once: where theta = 0 is repeated no time passes, so
+    that a radius of 1 there refutes nothing, growth does. Larger theta are then judged alone.
+    """
+    verdict = refute_spectral(F, H, low, high)
+    if low > 0 or not _is_at_once(verdict):
+        return verdict
+    fastest = float(np.abs(to_float(exact(F))).sum(axis=1).max(initial=0.0))
+    span = min(high, 1 / fastest if fastest > 0 else math.inf)
+    if 0 < span < math.inf:
+        later = refute_spectral(F, H, _LATER * span, high)
+        if later.outcome == "refuted":
+            return later
+    return undecided("impulses at once do not shrink it, and no time passes between them")
+
+
+def _is_at_once(verdict: Verdict) -> bool:
+    """Whether a refutation is by the spacing 0 alone, where nothing grows."""
+    if verdict.outcome != "refuted":
+        return False
+    witness = verdict.witness
+    of_every_theta = "vector" in witness or "Q" in witness
+    is_growing = witness["spectral_radius"] > 1 + MARGIN
+    return witness["theta"] == 0 and not of_every_theta and not is_growing
+
+
 def not_detectable(
     A: Matrix, G: Matrix | None, C: Matrix, ends: tuple[float, float]
 ) -> dict[str, object] | None:
@@ -111,7 +142,7 @@ def not_detectable(
     if hidden is None:
         return None
     flow, jump = hidden.maps
-    verdict = refute_spectral(flow, jump, *ends)
+    verdict = refuted_in_time(flow, jump, *ends)
     if verdict.outcome != "refuted":
         return None
     part = "a direction" if len(flow) == 1 else f"a {len(flow)}-dimensional part"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -14,13 +14,15 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.gains import Gains, PlantGains
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns, Event, collect
+from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.state_marks import Measured
 
 Vector = Matrix
 State = TypeVar("State")
 # a state of whatever kind: it goes back to an observer of the design that made it
 KindState = Any
 # (t, y, u): a sample as a state keeps it
-Row = tuple[float, Vector | None, Vector | None]
+Row = tuple[float, Measured | None, Vector | None]
 
 # Numbers below it are multiplied, squared and added without any thought of overflow.
 MODERATE = 1e100
@@ -115,6 +117,16 @@ class RecordRunner(ABC, Generic[State]):
 
     # the state at a time, before the first sample; arguments as the kind declares them
     init: Callable[..., State]
+
+    @property
+    def guards(self) -> Sequence[DwellGuard]:
+        """Guards of dwell times as they begin, in the order of a state's."""
+        return ()
+
+    @property
+    def capacities(self) -> Mapping[str, int]:
+        """Most entries of those lists of a state that have a limit."""
+        return {}
 
     @property
     def declared_bounds(self) -> DeclaredBounds | None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from obsdesign.equations.gains import PlantGains
+from obsdesign.runtime.state_marks import Past
 from obsdesign.runtime.time_stamps import time_tolerance
 
 
@@ -19,7 +20,7 @@ class DwellGuard:
 
     shortest: float
     longest: float
-    last_jump: float | None = None
+    last_jump: Past | None = None
     jitter: float = math.inf
     last_dwell: float | None = None
 

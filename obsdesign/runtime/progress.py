@@ -11,15 +11,16 @@ import numpy as np
 from lmi.arithmetic.arrays import Value
 from obsdesign.runtime.base import Row, Sample, Vector
 from obsdesign.runtime.bounds import Bounds
+from obsdesign.runtime.state_marks import Measured
 
 
 class WaitingRow(NamedTuple):
     """A sample as a state file keeps it, with bounds of b, c and v."""
 
     t: float
-    y: Vector | None
+    y: Measured | None
     u: Vector | None
-    w: Vector | None
+    w: Measured | None
     jump: bool
     bounds: tuple[tuple[Vector, Vector] | None, ...]
     events: tuple[int, ...]

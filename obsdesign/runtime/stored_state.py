@@ -2,8 +2,9 @@
 
 A state is built of dataclasses, named tuples, tuples, arrays and scalars. What is read back is
 checked against the annotations of these classes, entry by entry: no text names what is called. A
-number is no NaN, times are in order, and limits of dwell times are those of the design. Arrays
-stand in a list of their own, so that what was one array is one array again; caches are left out.
+number is no NaN and an array finite, but for the marks of `state_marks`; times are in order, and
+limits of dwell times are those of the design. Arrays stand in a list of their own, so that what was
+one array is one array again; caches are left out.
 Every number is read back bit by bit.
 """
 
@@ -14,7 +15,7 @@ import math
 import types
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from obsdesign.input_files import parse_json, require_depth
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.finite_time.tape import Tape
 from obsdesign.runtime.progress import Progress
+from obsdesign.runtime.state_checks import StateEntries, check_course, wrong
 
 FORMAT = "obsdesign/state"
 VERSION = 6
@@ -57,8 +59,9 @@ def progress_from_text(text: str, design: Design, observer: Value, path: str) ->
     try:
         reader = _Reader([_array(entry) for entry in body["arrays"]])
         progress = Progress(**_progress(body["progress"], reader, observer))
-        _check_ranges(progress)
-        _check_guards(progress.state, observer)
+        _check_ranges(progress, observer)
+        if progress.state is not None:
+            reader.entries.check(progress.state.t, observer.guards)
         return progress
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: not a state of kind {design.kind!r}: {error}") from None
@@ -66,12 +69,12 @@ def progress_from_text(text: str, design: Design, observer: Value, path: str) ->
 
 def _progress(stored: Value, reader: _Reader, observer: Value) -> NewEntries:
     """Entries of a `Progress`; TypeError or ValueError where they are none."""
-    hints = get_type_hints(Progress)
+    hints = get_type_hints(Progress, include_extras=True)
     names = [one.name for one in fields(Progress)]
     if not isinstance(stored, list) or len(stored) != len(names):
-        raise _wrong("progress", f"a list of {len(names)}", stored)
+        raise wrong("progress", f"a list of {len(names)}", stored)
     entries = dict(zip(names, stored, strict=True))
-    hints["state"] = get_type_hints(type(observer).init)["return"]
+    hints["state"] = get_type_hints(type(observer).init, include_extras=True)["return"]
     if entries["state"] is None and entries["late"]:
         hints["state"] = type(None)
     return {name: reader.entry(hints[name], entry, name) for name, entry in entries.items()}
@@ -105,46 +108,28 @@ def _checked_body(text: str, design: Design, path: str) -> NewEntries:
     return body
 
 
-def _check_ranges(progress: Progress) -> None:
-    """Raise TypeError unless times of the state and of the rows behind it are in order."""
+def _check_ranges(progress: Progress, observer: Value) -> None:
+    """Raise TypeError unless the rows behind a state are in order, and its lists not too long."""
+    for name, most in observer.capacities.items() if progress.state is not None else ():
+        if len(getattr(progress.state, name)) > most:
+            count = len(getattr(progress.state, name))
+            raise wrong(f"state.{name}", f"a list of {most} at most", count)
     if progress.given < 0:
-        raise _wrong("given", "at least 0", progress.given)
+        raise wrong("given", "at least 0", progress.given)
     latest = -math.inf if progress.state is None else progress.state.t
     if progress.state is not None and not math.isfinite(latest):
-        raise _wrong("state.t", "finite", latest)
+        raise wrong("state.t", "finite", latest)
     for k, row in enumerate(progress.waiting):
         if not (latest < row[0] < math.inf or (k == 0 and row[0] == latest)):
-            raise _wrong(f"waiting[{k}][0]", f"finite and after {latest!r}", row[0])
+            raise wrong(f"waiting[{k}][0]", f"finite and after {latest!r}", row[0])
         latest = row[0]
     for k, late in enumerate(progress.late):
         if not latest <= late.t < math.inf:
-            raise _wrong(f"late[{k}].t", f"finite and at least {latest!r}", late.t)
+            raise wrong(f"late[{k}].t", f"finite and at least {latest!r}", late.t)
         latest = late.t
         _ = late.sample
     if progress.now == math.inf:
-        raise _wrong("now", "finite", progress.now)
-
-
-def _check_guards(state: Value, observer: Value) -> None:
-    """Raise TypeError unless guards of dwell times have the design's limits, and past times."""
-    guards: NewEntries = {}
-    own: Sequence[DwellGuard] = ()
-    if (several := getattr(state, "guards", None)) is not None:
-        own = observer.init(lower=[0.0] * observer.n, upper=[0.0] * observer.n).guards
-        guards = {f"state.guards[{k}]": guard for k, guard in enumerate(several)}
-        if len(guards) != len(own):
-            raise _wrong("state.guards", f"{len(own)} of them, one for each event", len(guards))
-    elif (guard := getattr(state, "guard", None)) is not None:
-        own, guards = [DwellGuard.from_gains(observer.gains)], {"state.guard": guard}
-    for (entry, guard), limits in zip(guards.items(), own, strict=True):
-        for name in ("shortest", "longest", "jitter"):
-            limit, stored = getattr(limits, name), getattr(guard, name)
-            if stored != limit:
-                raise _wrong(f"{entry}.{name}", f"{limit!r}, that of the design", stored)
-        if guard.last_jump is not None and not -math.inf < guard.last_jump <= state.t:
-            raise _wrong(f"{entry}.last_jump", f"at most {state.t!r}, state.t", guard.last_jump)
-        if guard.last_dwell is not None and (guard.last_jump is None or not guard.last_dwell > 0):
-            raise _wrong(f"{entry}.last_dwell", "positive, before last_jump", guard.last_dwell)
+        raise wrong("now", "finite", progress.now)
 
 
 class _Writer:
@@ -181,23 +166,26 @@ class _Reader:
 
     def __init__(self, arrays: Sequence[np.ndarray[Value, Value]]) -> None:
         self._arrays = arrays
+        self.entries = StateEntries()
 
-    def entry(self, hint: Any, value: Value, name: str) -> Value:
+    def entry(self, hint: Any, value: Value, name: str, marks: Sequence[str] = ()) -> Value:
         origin, args = get_origin(hint), get_args(hint)
+        if origin is Annotated:
+            return self.entry(args[0], value, name, args[1:])
         if origin in (Union, types.UnionType):
             return self._one_of(args, value, name)
         if origin is tuple:
             return self._tuple(args, value, name)
         if origin is np.ndarray:
-            return self._array(args, value, name)
+            return self.entries.add(name, self._array(args, value, name), marks)
         names = _fields(hint)
         if names is not None:
             return self._record(hint, names, value, name)
         if hint is float and value in ("inf", "-inf"):
-            return _WORDS[value]
+            return self.entries.add(name, _WORDS[value], marks)
         if hint in (float, int, bool, str, type(None)) and type(value) is hint:
-            return value
-        raise _wrong(name, getattr(hint, "__name__", str(hint)), value)
+            return self.entries.add(name, value, marks)
+        raise wrong(name, getattr(hint, "__name__", str(hint)), value)
 
     def _one_of(self, hints: tuple[Any, ...], value: Value, name: str) -> Value:
         if isinstance(value, dict) and "type" in value:
@@ -210,36 +198,42 @@ class _Reader:
             except TypeError:
                 if hint is hints[-1]:
                     raise
-        raise _wrong(name, "another type", value)
+        raise wrong(name, "another type", value)
 
     def _tuple(self, args: tuple[Any, ...], value: Value, name: str) -> tuple[Value, ...]:
         if isinstance(value, list) and args[-1] is Ellipsis:
             args = args[:1] * len(value)
         if not isinstance(value, list) or len(value) != len(args):
-            raise _wrong(name, f"a list of {len(args)}", value)
+            raise wrong(name, f"a list of {len(args)}", value)
         pairs = enumerate(zip(args, value, strict=True))
-        return tuple(self.entry(hint, item, f"{name}[{i}]") for i, (hint, item) in pairs)
+        items = tuple(self.entry(hint, item, f"{name}[{i}]") for i, (hint, item) in pairs)
+        if args and _fields(args[0]) is not None:
+            check_course(name, args[0], items)
+        return items
 
     def _array(self, args: tuple[Any, ...], value: Value, name: str) -> Value:
         place = value.get("array") if isinstance(value, dict) and len(value) == 1 else None
         if type(place) is not int or not 0 <= place < len(self._arrays):
-            raise _wrong(name, "an array", value)
+            raise wrong(name, "an array", value)
         array, (dtype,) = self._arrays[place], get_args(args[1])
         if dtype is not Any and array.dtype != dtype:
-            raise _wrong(name, f"an array of {dtype.__name__}", str(array.dtype))
+            raise wrong(name, f"an array of {dtype.__name__}", str(array.dtype))
         return array
 
     def _record(self, kind: Any, names: Sequence[str], value: Value, name: str) -> Value:
         if not isinstance(value, dict) or set(value) != {"type", *names}:
-            raise _wrong(name, f"{kind.__name__} with {', '.join(names)}", value)
+            raise wrong(name, f"{kind.__name__} with {', '.join(names)}", value)
         if value["type"] != kind.__name__:
-            raise _wrong(f"{name}.type", kind.__name__, value["type"])
-        hints, unset = get_type_hints(kind), _nan_before_the_first(kind)
-        return kind(*(
+            raise wrong(f"{name}.type", kind.__name__, value["type"])
+        hints, unset = get_type_hints(kind, include_extras=True), _nan_before_the_first(kind)
+        record = kind(*(
             math.nan if value[one] == "nan" and one in unset
             else self.entry(hints[one], value[one], f"{name}.{one}")
             for one in names
         ))  # fmt: skip
+        if isinstance(record, DwellGuard):
+            self.entries.guards.append((name, record))
+        return record
 
 
 def _fields(kind: Any) -> tuple[str, ...] | None:
@@ -270,29 +264,23 @@ def _stored(array: np.ndarray[Value, Value]) -> NewEntries:
 
 def _array(entry: Value) -> np.ndarray[Value, Value]:
     if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "axes", "values"}:
-        raise _wrong("arrays", "dtype, shape, axes and values", entry)
+        raise wrong("arrays", "dtype, shape, axes and values", entry)
     dtype, shape, axes, values = (entry[name] for name in ("dtype", "shape", "axes", "values"))
     if dtype not in tuple(_DTYPES):
-        raise _wrong("dtype", f"one of {', '.join(_DTYPES)}", dtype)
+        raise wrong("dtype", f"one of {', '.join(_DTYPES)}", dtype)
     for name, listed in (("shape", shape), ("axes", axes), ("values", values)):
         if not isinstance(listed, list):
-            raise _wrong(name, "a list", listed)
+            raise wrong(name, "a list", listed)
     if not all(type(size) is int and size >= 0 for size in [*shape, *axes]):
-        raise _wrong("shape", "counts, and axes theirs", [shape, axes])
+        raise wrong("shape", "counts, and axes theirs", [shape, axes])
     if sorted(axes) != list(range(len(shape))) or len(values) != math.prod(shape):
-        raise _wrong("shape", f"that of {len(values)} values", shape)
+        raise wrong("shape", f"that of {len(values)} values", shape)
     plain = [_WORDS.get(x, x) if dtype == "float" and isinstance(x, str) else x for x in values]
     if any(type(x).__name__ != dtype for x in plain):
-        raise _wrong("values", f"of type {dtype}", values)
+        raise wrong("values", f"of type {dtype}", values)
     flat = np.array(plain, dtype=_DTYPES[dtype])
     return flat.reshape([shape[axis] for axis in axes]).transpose(np.argsort(axes))
 
 
 def _number(value: float) -> float | str:
     return value if math.isfinite(value) else repr(value)
-
-
-def _wrong(name: str, required: str, arrived: Value) -> TypeError:
-    text = json.dumps(arrived, default=str)
-    text = text if len(text) <= 60 else f"{text[:57]}..."
-    return TypeError(f"{name} must be {required}; got {text}.")

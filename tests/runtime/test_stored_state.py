@@ -133,12 +133,15 @@ def test_parts_give_what_the_whole_gives(case: str, live: bool) -> None:
 
 
 def resumed(
-    case: str, change: Callable[[Any], object], waiting: Callable[[Any], object] | None = None
+    case: str,
+    change: Callable[[Any], object],
+    waiting: Callable[[Any], object] | None = None,
+    live: bool = False,
 ) -> Progress:
     """The progress of a signed state file after a change of its state, and of its waiting rows."""
     design, observer, state, samples = recorded(case)
     stream = Stream(observer, Progress(state))
-    list(stream.estimates(iter(samples[:30])))
+    list(stream.estimates(iter(samples[:30]), live=live))
     body = json.loads(state_text(design, stream.progress))
     change(body["progress"][0])
     if waiting is not None:
@@ -158,6 +161,112 @@ def test_a_part_of_several_types_has_the_entries_of_its_own(case: str) -> None:
     ):
         with pytest.raises(InputError, match=f"{words}.* must be"):
             resumed(case, change)
+
+
+MAY_BE = {
+    "nan": {"state.window", "stages.strip", "waiting"},
+    "inf": {"state.box", "stages.box", "state.start", "state.recent", "course.radius", "course.path",
+            "bounds.radius", "cached_radius.radius"},
+}  # fmt: skip
+
+
+def arrays_by_name(entry: Any, name: str = "state", within: str = "") -> dict[int, str]:
+    """The names of the field that holds each array of a state, and of that around it."""
+    if isinstance(entry, dict) and set(entry) == {"array"}:
+        return {entry["array"]: f"{within}.{name}"}
+    named = isinstance(entry, dict)
+    names: dict[int, str] = {}
+    for key, part in entry.items() if named else [(name, part) for part in entry]:
+        if isinstance(part, dict | list):
+            names |= arrays_by_name(part, key, name if named else within)
+    return names
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_arrays_are_finite_where_their_meaning_allows_nothing_else(case: str) -> None:
+    design, observer, state, samples = recorded(case)
+    stream = Stream(observer, Progress(state))
+    list(stream.estimates(iter(samples[:30])))
+    text, count = state_text(design, stream.progress), 0
+    body = json.loads(text)
+    names = arrays_by_name(body["progress"][0]) | dict.fromkeys(
+        arrays_by_name(body["progress"][1]), "waiting"
+    )
+    for place, name in names.items():
+        if body["arrays"][place]["dtype"] != "float" or not body["arrays"][place]["values"]:
+            continue
+        for word in ("nan", "inf"):
+            changed = json.loads(text)
+            changed["arrays"][place]["values"][0] = word
+            signed = json.dumps(changed | {"digest": digest(changed)})
+            if name in MAY_BE[word]:
+                progress_from_text(signed, design, observer, "s.json")
+                continue
+            with pytest.raises(InputError, match=rf"must be finite.*; got \"{word}\"\.$"):
+                progress_from_text(signed, design, observer, "s.json")
+            count += 1
+    assert count >= 2
+
+
+def reversed_stages(state: Any) -> None:
+    state["stages"] = state["stages"][::-1]
+
+
+def stages_twice(state: Any) -> None:
+    state["stages"] = [stage for stage in state["stages"] for _ in range(2)]
+
+
+def surplus_stages(state: Any) -> None:
+    first = state["stages"][0]
+    before = dict(first, h=0.0, t=first["t"] - first["h"])  # measurements alone, at one time
+    state["stages"][0] = dict(first, h=first["t"] - before["t"])
+    state["stages"] = [before] * 20 + state["stages"]
+
+
+def later_stages(state: Any) -> None:
+    state["stages"][-1] |= {"t": 1e3, "h": 1e3 - state["stages"][-2]["t"]}
+
+
+def reversed_rows(state: Any) -> None:
+    state["live"]["rows"] = state["live"]["rows"][::-1]
+
+
+@pytest.mark.parametrize(
+    ("case", "change", "words"),
+    [
+        ("set membership", reversed_stages, r"state.stages\[\d\].[ht] must be"),
+        ("set membership", stages_twice, r"state.stages\[1\].h must be 0.0, since"),
+        ("set membership", surplus_stages, "state.stages must be a list of 8 at most"),
+        ("set membership", later_stages, r"state.stages\[\d\].t must be at most .*, state.t"),
+        ("set membership", lambda state: state["sampled"].__setitem__(0, 1e3), "at most .*state.t"),
+        ("impulses, samples", reversed_rows, r"state.live.rows\[1\].row.t must be at least"),
+        ("interval, periodic", lambda state: state.update(sampled=1e3), "state.sampled must be"),
+        ("finite time, bounds", lambda state: state.update(anchor_time=1e3), "anchor_time must be"),
+        ("unknown input, cell", lambda state: state.update(t_measured=1e3), "t_measured must be"),
+        ("gantry", lambda state: state["guard"].update(last_jump=1e3), "state.guard.last_jump must"),
+        ("gantry", lambda state: state["guard"].update(longest=1e3), "that of the design"),
+        ("set membership", lambda state: state.update(guards=[]), "guards must be 1 of them"),
+    ],
+)  # fmt: skip
+def test_times_are_in_order_and_not_after_that_of_the_state(
+    case: str, change: Any, words: str
+) -> None:
+    case = "impulsive, full" if case == "gantry" else case
+    resumed(case, lambda state: None, live=True)  # the twin: the file as it was written
+    with pytest.raises(InputError, match=words):
+        resumed(case, change, live=True)
+
+
+def test_times_of_an_array_are_in_order() -> None:
+    design, observer, state, samples = recorded("impulses, integral")
+    stream = Stream(observer, Progress(state))
+    list(stream.estimates(iter(samples[:2600])))
+    body = json.loads(state_text(design, stream.progress))
+    place = body["progress"][0]["live"]["track"]["t"]["array"]
+    body["arrays"][place]["values"].reverse()
+    text = json.dumps(body | {"digest": digest(body)})
+    with pytest.raises(InputError, match=r"state\.live\.track\.t must be in order"):
+        progress_from_text(text, design, observer, "s.json")
 
 
 @pytest.mark.parametrize("case", ["impulses, integral", "unknown input, fixed lag"])

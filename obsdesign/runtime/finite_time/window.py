@@ -18,6 +18,7 @@ from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import Tape
+from obsdesign.runtime.state_marks import Bounded, Measured, Past
 
 # with bounds w is replaced when it is that much larger than the estimate
 _LARGEST_RATIO = 2.0
@@ -36,7 +37,7 @@ class CachedRadius(NamedTuple):
     square: float
     shift_rounding: Matrix
     w_rounding: Matrix
-    radius: Matrix
+    radius: Bounded
 
 
 class HeldInput(NamedTuple):
@@ -77,7 +78,7 @@ class StateBounds(NamedTuple):
     """
 
     centre: Matrix
-    radius: Matrix
+    radius: Bounded
     w_rounding: Matrix
     w_error: Matrix
     shift_rounding: Matrix
@@ -97,13 +98,13 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     x: Matrix
     w: Matrix
     held: HeldInput
-    window: Matrix
+    window: Measured
     known: KnownInput | None
     filling: Filling
     bounds: StateBounds
     since_shift: int
-    last_instant: float | None
-    anchor_time: float
+    last_instant: Past | None
+    anchor_time: Past
     periods_since_anchor: int
     started: bool
     tape: Tape | None = None

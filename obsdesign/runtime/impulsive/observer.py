@@ -77,6 +77,11 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         default_factory=OrderedDict, repr=False, compare=False
     )
 
+    @property
+    def guards(self) -> tuple[DwellGuard, ...]:
+        """The guard of the design's jumps."""
+        return (DwellGuard.from_gains(self.gains),)
+
     @classmethod
     def from_gains(cls, gains: Entries) -> ImpulsiveObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""

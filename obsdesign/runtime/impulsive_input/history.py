@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
+from obsdesign.runtime.state_marks import Past
 from obsdesign.runtime.time_stamps import time_tolerance
 
 _DEVIATIONS = 3.0  # deviations by which a dwell time must be too short
@@ -32,7 +33,7 @@ class History:
     residuals: of the windows of impulses, and of rows that no window will use again.
     """
 
-    t: float = -math.inf
+    t: Past = -math.inf
     t_std: float = 0.0
     doubt: DoubtfulSpan = field(default_factory=DoubtfulSpan)
     residuals: Residuals = field(default_factory=Residuals)

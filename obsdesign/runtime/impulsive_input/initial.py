@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime.state_marks import Past
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,5 +19,5 @@ class Initial:
     x: Matrix
     u: Matrix
     covariance: Matrix | None
-    since: float
-    first: float | None = None
+    since: Past
+    first: Past | None = None

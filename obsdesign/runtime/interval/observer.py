@@ -55,6 +55,11 @@ class IntervalObserver(BoundsObserver[IntervalState]):
     gains: IntervalGains
     kind: ClassVar[str] = "interval"
 
+    @property
+    def guards(self) -> tuple[DwellGuard, ...]:
+        """The guard of the design's jumps."""
+        return (DwellGuard.from_gains(self.gains),)
+
     @classmethod
     def from_gains(cls, gains: Entries) -> IntervalObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""

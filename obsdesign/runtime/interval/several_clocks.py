@@ -26,6 +26,7 @@ from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.named_clocks import Kept, NamedClocks
+from obsdesign.runtime.state_marks import Bounded, Past
 
 
 class ClockedState(NamedTuple):
@@ -37,12 +38,12 @@ class ClockedState(NamedTuple):
     """
 
     t: float
-    box: Matrix
+    box: Bounded
     u: Matrix
     held: Matrix
     guards: tuple[DwellGuard, ...]
     started: bool
-    sampled: tuple[float, ...]
+    sampled: tuple[Past, ...]
     refutation: str = ""
 
 
@@ -116,6 +117,11 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         listed = tuple((t, text) for text in names + reasons)
         status = "; ".join(reasons) or "ok"
         return following, Estimate(t, None, lower, upper, events=listed, status=status)
+
+    @property
+    def guards(self) -> tuple[DwellGuard, ...]:
+        """A guard for every event of the design."""
+        return self._clocks.begin(0.0).guards
 
     @cached_property
     def declared_bounds(self) -> DeclaredBounds:

@@ -12,6 +12,7 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.boxes import initial_bounds, midpoint
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.model import Model
+from obsdesign.runtime.state_marks import Bounded, Past
 
 
 class Course(NamedTuple):
@@ -21,10 +22,10 @@ class Course(NamedTuple):
     carried along to the second, after a bound of what rounding has added to it.
     """
 
-    since: float
-    now: float
-    radius: Matrix
-    path: Matrix
+    since: Past
+    now: Past
+    radius: Bounded
+    path: Bounded
 
 
 class HeldBounds(NamedTuple):
@@ -51,14 +52,14 @@ class IntervalState(NamedTuple):
     """
 
     t: float
-    box: Matrix
+    box: Bounded
     u: Matrix
     y: Matrix | None
     guard: DwellGuard
     started: bool
-    sampled: float
+    sampled: Past
     refutation: str = ""
-    phase: float = math.nan
+    phase: Past = math.nan
     is_usual: bool = False
     course: Course | None = None
     bounds: HeldBounds | None = None

@@ -58,6 +58,11 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         default_factory=OrderedDict, repr=False, compare=False
     )
 
+    @property
+    def guards(self) -> tuple[DwellGuard, ...]:
+        """The guard of the design's jumps."""
+        return (DwellGuard.from_gains(self.gains),)
+
     @classmethod
     def from_gains(cls, gains: Entries) -> LuenbergerObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""

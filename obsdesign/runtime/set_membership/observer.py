@@ -22,6 +22,7 @@ from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
+from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.named_clocks import Kept
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
 from obsdesign.runtime.set_membership.clocks import Clocks
@@ -57,6 +58,17 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     def from_gains(cls, gains: Entries) -> SetMembershipObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(SetMembershipGains.from_document(gains))
+
+    @property
+    def guards(self) -> tuple[DwellGuard, ...]:
+        """A guard for every event of the design."""
+        return self._clocks.begin(0.0).guards
+
+    @property
+    def capacities(self) -> dict[str, int]:
+        """Stages of a window, and boxes of earlier rows."""
+        lag = self.gains.fixed_lag
+        return {"stages": self.gains.window, "recent": 0 if lag is None else lag + 1}
 
     @property
     def names(self) -> tuple[str, ...]:

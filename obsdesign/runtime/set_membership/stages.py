@@ -17,6 +17,7 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, raised
 from obsdesign.runtime.set_membership.model import Model
 from obsdesign.runtime.set_membership.tables import Table, Tables
+from obsdesign.runtime.state_marks import Bounded, Measured, Past, Step
 
 
 class Targets(NamedTuple):
@@ -45,16 +46,16 @@ class Stage(NamedTuple):
     event: of a jump, its place among the events. in_time: all stated times were kept at its row.
     """
 
-    t: float
-    h: float
+    t: Past
+    h: Step
     size: float
     jump: bool
     known: Matrix
     drift: Matrix
     drift_error: Matrix
     radius: Matrix
-    strip: Matrix | None
-    box: Matrix
+    strip: Measured | None
+    box: Bounded
     ends_row: bool
     spread: float = 0.0
     event: int = 0

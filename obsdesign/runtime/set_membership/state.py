@@ -7,6 +7,7 @@ from typing import NamedTuple
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.set_membership.stages import Stage
+from obsdesign.runtime.state_marks import Bounded, Past
 
 
 class SetMembershipState(NamedTuple):
@@ -20,13 +21,13 @@ class SetMembershipState(NamedTuple):
     """
 
     t: float
-    box: Matrix
-    start: Matrix
+    box: Bounded
+    start: Bounded
     stages: tuple[Stage, ...]
     u: Matrix
     held: Matrix
     guards: tuple[DwellGuard, ...]
     started: bool
-    sampled: tuple[float, ...]
+    sampled: tuple[Past, ...]
     refutation: str = ""
-    recent: tuple[Matrix, ...] = ()
+    recent: tuple[Bounded, ...] = ()

@@ -41,6 +41,7 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.point_observer import PointObserver
+from obsdesign.runtime.state_marks import Past
 from obsdesign.runtime.unknown_input.measurements import smoothed_record, usable
 from obsdesign.runtime.unknown_input.steps import (
     LONGEST,
@@ -62,7 +63,7 @@ class UnknownInputState(NamedTuple):
     """
 
     t: float
-    t_measured: float
+    t_measured: Past
     x: Matrix
     w: Matrix | None
     y: Matrix | None

@@ -77,7 +77,7 @@ def claims(
         return (agreement,)
     high = problem.require_dwell_time()[1]
     listed = [agreement, bounded_spacing(high), shortest_spacing(problem)]
-    if overall(claim.verdict for claim in listed) != "proved":
+    if overall(claim.verdict for claim in listed) == "refuted":
         return tuple(listed)
     if gains.has_window:
         claims, bound = _windowed(problem, gains, certificates, paranoid, budget)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from lmi.prove.common_matrix import prove_common
 from lmi.rank.hidden_mode import check_hiding
 from lmi.rank.witness import MARGIN
 from lmi.verdict import Verdict, proved, refuted, undecided
-from obsdesign.analysis.hidden_modes import hidden_part
+from obsdesign.analysis.hidden_modes import hidden_part, refuted_in_time
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive.formulas import Core, uncorrected_factor
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
@@ -93,12 +94,15 @@ def block_decay(
 def _without_margin(verdict: Verdict, F: Exact, H: Exact, dwell: Dwell) -> Verdict:
     """Refute only by a witness against decay itself; one against the margin leaves it open."""
     plain = dwell_stability(F, H, dwell, {}, False)
+    if at_once := plain.outcome == "refuted" and dwell.low == 0:
+        plain = refuted_in_time(F, H, dwell.low, dwell.high)
     if plain.outcome == "refuted":
         modes = np.linalg.eigvals(to_float(F))
         worst = modes[np.argmax(modes.real)]
         text = f"{plain.reason}; its flow has the mode {worst:.6g}"
         return refuted({**plain.witness, "reason": f"it does not decay by itself: {text}"})
-    return undecided("it decays too slowly, if at all", **verdict.evidence)
+    reason = plain.reason if at_once else "it decays too slowly, if at all"
+    return undecided(reason, **verdict.evidence)
 
 
 def quadratic_claims(
@@ -149,7 +153,7 @@ def _obstructions(
         return claims
     theta = float(hiding[0])
     if dwell.low <= theta <= dwell.high:
-        verdict = check_hiding(plant.A, plant.J, plant.C, theta)
+        verdict = _hiding(plant, theta)
         claims.append(Claim.from_verdict(
             "detectable",
             "at no constant spacing does C miss a mode of the impulses and the flow between them "
@@ -157,6 +161,17 @@ def _obstructions(
             _CASCADE, verdict,
         ))  # fmt: skip
     return claims
+
+
+def _hiding(plant: Core, theta: float) -> Verdict:
+    """Refuted if C misses a mode at a constant spacing that does not decay as time passes."""
+    verdict = check_hiding(plant.A, plant.J, plant.C, theta)
+    if verdict.outcome != "refuted" or theta > 0:
+        return verdict
+    mode = verdict.witness["mode"]
+    if math.hypot(mode["real"], mode["imag"]) > 1 + MARGIN:
+        return verdict
+    return undecided(f"{verdict.reason}; no time passes between impulses at once")
 
 
 def _contracting(

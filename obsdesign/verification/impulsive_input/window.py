@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -11,12 +12,14 @@ from lmi.arithmetic.balls import (
     PRECISIONS,
     Ball,
     Exact,
+    Rational,
     ball,
     ball_column,
     characteristic_polynomial,
     exact,
     exp_times,
     fixed_vector,
+    nearest_float,
     number,
     precision,
     rational,
@@ -118,34 +121,32 @@ def _parts(window: FeatureWindow) -> Iterator[FeatureWindow]:
 
 def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:
     """Verdict for one feature that is not proved to keep the ratio; None where it is."""
-    D, c, h, tau, margin = part.D, part.C, part.H, part.tau, part.margin
-    n = len(D)
-    F = np.vstack([np.hstack([D, exact(np.zeros((n, 1)))]), np.hstack([c, exact([[lam]])])])
-    start = np.vstack([h, exact([[0.0]])])
+    D, h, tau, margin = part.D, part.H, part.tau, part.margin
+    n, length = len(D), rational(tau) - rational(margin)
     with precision(PRECISIONS[-1]):
-        at_margin = exp_times(F, margin) * ball(start)  # [e^{D eps} h; b(eps)]
-        far = exp_times(D, margin - tau) * ball(h)  # e^{D (eps - tau)} h
+        F, at_margin, E = _feature(part, lam, margin)
+        far = exp_times(D, -length) * ball(h)  # e^{D (eps - tau)} h
         growth = (number(lam) * number(tau)).exp()
-        left = _inner(D, c, h, lam, tau - margin)
-        # E(eps) = e^{lam eps} c int_0^{tau - eps} e^{(lam - D) u} du h
-        E = left * (number(lam) * number(margin)).exp()
-        b = at_margin.tolist()[n][0]
+        b = at_margin[n]
         if not (b > 0 or b < 0):
             return undecided(f"the sign of a feature at age {margin!r} is not certain")
         sign = 1 if b > 0 else -1
-        state = [row[0] for row in at_margin.tolist()[:n]]
         back = [row[0] for row in far.tolist()]
         for side in (1, -1):
-            z = [number(bound) * x - side * growth * y for x, y in zip(state, back, strict=True)]
+            z = [number(bound) * x - side * growth * y
+                 for x, y in zip(at_margin[:n], back, strict=True)]  # fmt: skip
             f = number(bound) * b + side * E
-            cover = signs.boxes(F, ball_column([*z, f]), 0.0, tau - margin, [n])
+            end = math.nextafter(nearest_float(length), math.inf)
+            cover = signs.boxes(F, ball_column([*z, f]), 0.0, end, [n])
             holds, place = signs.one_sign(cover, lambda box: box.rows[0], sign)
             if holds is True:
                 continue
-            age = margin + place
-            if holds is False:
+            age = min(margin + place, tau)
+            violation = _violation(part, lam, bound, sign, age) if holds is False else None
+            if violation is not None:
+                age = violation
                 reason = (
-                    f"exponent {float(lam)!r}: near age {age:.6g} the neglected part exceeds "
+                    f"exponent {float(lam)!r}: at age {age!r} the neglected part exceeds "
                     f"{bound!r} of the feature (where the impulse response changes sign a feature "
                     "has a zero)"
                 )
@@ -154,10 +155,40 @@ def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:
     return None
 
 
-def _inner(D: Exact, c: Exact, h: Exact, lam: float, length: float) -> Ball:
+def _violation(
+    part: FeatureWindow, lam: float, bound: float, sign: int, age: float
+) -> float | None:
+    """An age up to this one at which |E| > bound |b|, certainly; None where none was met.
+
+    sign: of b at the margin. Where b has the other sign at an age, it has a zero before, near
+    which any E that is not zero exceeds the bound.
+    """
+    low, high = part.margin, age
+    while True:
+        _, state, E = _feature(part, lam, age)
+        if abs(E) > number(bound) * abs(state[-1]):
+            return age
+        low, high = (age, high) if sign * state[-1] > 0 else (low, age)
+        age = (low + high) / 2
+        if not low < age < high:
+            return None
+
+
+def _feature(part: FeatureWindow, lam: float, age: float) -> tuple[Exact, list[Ball], Ball]:
+    """(F of [z; b]' = F [z; b], [e^{D s} h; b] at age s, E there), at the precision in force."""
+    D, c, h = part.D, part.C, part.H
+    n = len(D)
+    F = np.vstack([np.hstack([D, exact(np.zeros((n, 1)))]), np.hstack([c, exact([[lam]])])])
+    state = exp_times(F, age) * ball(np.vstack([h, exact([[0.0]])]))
+    # E(s) = e^{lam s} c int_0^{tau - s} e^{(lam - D) u} du h
+    left = _inner(D, c, h, lam, rational(part.tau) - rational(age))
+    return F, [row[0] for row in state.tolist()], left * (number(lam) * number(age)).exp()
+
+
+def _inner(D: Exact, c: Exact, h: Exact, lam: float, length: Rational) -> Ball:
     """Ball of c int_0^length e^{(lam - D) u} du h."""
     n = len(D)
-    shifted = exact(lam * np.eye(n)) - D
+    shifted = exact(np.eye(n)) * rational(lam) - D
     inner = np.block([[shifted, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
     pick = ball(np.hstack([c, exact(np.zeros((1, n)))])) * exp_times(inner, length)
     tail, column = pick.tolist()[0][n:], [x[0] for x in ball(h).tolist()]

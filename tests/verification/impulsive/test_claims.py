@@ -172,8 +172,27 @@ def test_a_range_from_0_on_needs_a_positive_end_where_impulses_at_once_hide_a_mo
 def test_a_plant_that_decays_by_itself_is_not_refuted_for_impulses_at_once() -> None:
     """Without any gain its error is below e^-t, whatever the impulses that only hide a state."""
     plant = (-np.eye(2), np.eye(2), first(2))
-    assert investigate(plant, [0.0, 1.0]).verdict != "refuted"
+    outcome = investigate(plant, [0.0, 1.0], strategy="quadratic")
+    assert verdicts(outcome)["hidden_decays"] == outcome.verdict == "undecided"
+    assert "no time passes" in claim(outcome, "hidden_decays").evidence["reason"]
     assert investigate(plant, [0.001, 1.0]).verdict == "proved"
+
+
+@pytest.mark.parametrize(
+    ("A", "G"),
+    [
+        (np.diag([-1.0, 0.1]), np.eye(2)),  # grows between impulses
+        (np.diag([-1.0, 0.0]), np.eye(2)),  # stays for ever
+        (np.diag([-1.0, 0.1]), np.diag([1.0, -1.0])),
+        (np.diag([-1.0, 0.0]), np.diag([1.0, -1.0])),
+    ],
+)
+@pytest.mark.parametrize("strategy", ["quadratic", "subspace"])
+def test_what_grows_as_time_passes_is_refuted_from_spacing_0_on(
+    A: Any, G: Any, strategy: str
+) -> None:
+    outcome = investigate((A, G, first(2)), [0.0, 1.0], strategy=strategy)
+    assert verdicts(outcome)["hidden_decays"] == outcome.verdict == "refuted"
 
 
 @pytest.mark.parametrize(
@@ -218,7 +237,10 @@ def test_too_short_a_window_is_refused() -> None:
 
 
 def test_spacing_zero_is_an_ordinary_end_of_the_range() -> None:
-    assert investigate(DOUBLE, [0.0, 1.0], strategy="full").verdict == "undecided"
+    outcome = investigate(DOUBLE, [0.0, 1.0], strategy="full")
+    assert outcome.verdict == "refuted"
+    assert claim(outcome, "strongly_observable").evidence["witness"]["thetas"] == [0.0]
+    assert claim(outcome, "shortest_spacing").verdict == "undecided"
     everything = (np.diag([-0.1, 0.2]), np.eye(2), np.eye(2))
     assert investigate(everything, [0.0, 1.0]).verdict == "proved"
 

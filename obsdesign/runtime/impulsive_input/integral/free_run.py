@@ -27,6 +27,7 @@ from obsdesign.runtime.impulsive_input.integral.recursions import (
     running_integrals,
 )
 from obsdesign.runtime.impulsive_input.plant import HeldPlant
+from obsdesign.runtime.state_marks import PastTimes
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 
@@ -39,7 +40,7 @@ class Track:
     integrals (L, p, k): running integrals I of the residual for the k exponents below zero.
     """
 
-    t: Matrix
+    t: PastTimes
     y: Matrix
     forcing: Matrix
     x: Matrix

@@ -9,19 +9,20 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.history import History
 from obsdesign.runtime.impulsive_input.integral.free_run import Track
 from obsdesign.runtime.impulsive_input.integral.search import Scan
+from obsdesign.runtime.state_marks import Past
 
 
 class HeldInput(NamedTuple):
     """A row after the last measurement, and the input u (m,) from then on."""
 
-    t: float
+    t: Past
     u: Matrix
 
 
 class AbsentRow(NamedTuple):
     """A row between two measurements, and how far the forcing moves the plant since the first."""
 
-    t: float
+    t: Past
     displacement: Matrix
 
 
@@ -36,8 +37,8 @@ class IntegralLive:
 
     track: Track
     covariance: Matrix | None
-    since: float
-    first: float
+    since: Past
+    first: Past
     scan: Scan = field(default_factory=Scan)
     waiting: tuple[HeldInput, ...] = ()
     absent: tuple[AbsentRow, ...] = ()

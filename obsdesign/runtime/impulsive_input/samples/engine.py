@@ -8,8 +8,8 @@ t anywhere between samples,
 holds exactly: nothing is interpolated. All samples of a window serve as features (any N distinct
 exponents would span the same). Between impulses a Kalman filter without process noise runs on the
 samples. A window fires when its likelihood ratio is large and largest in its oldest interval; the
-impulse is then fitted in a window that begins one sample earlier, as a posterior over a grid of
-onsets: at this sampling the likelihood has kinks, and a linearised deviation is far too small.
+impulse is then fitted as a posterior over all onsets that the samples allow (`refit`): at this
+sampling the likelihood has kinks, and a linearised deviation is far too small.
 An extension of (18) of Mattsson and Medvedev; in the limit of all taps a fixed-lag
 likelihood-ratio test.
 """
@@ -41,7 +41,8 @@ from obsdesign.runtime.impulsive_input.samples.filter import (
     SampledPlant,
 )
 from obsdesign.runtime.impulsive_input.samples.live import SampledLive
-from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, OnsetModel
+from obsdesign.runtime.impulsive_input.samples.onset import Cells, Fit, OnsetModel
+from obsdesign.runtime.impulsive_input.samples.refit import EARLIER, Refit
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady, SteadyInputs
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation
 from obsdesign.runtime.time_stamps import time_tolerance
@@ -52,7 +53,7 @@ _LEAST_RATIO, _REFERENCE_SAMPLES = 12.0, 4
 _CLOSED_INTERVALS = 0.3  # intervals before the end of a window in which no onset is looked for
 # what a steady input must leave more than impulses do: what they must be worth against nothing
 _LEAST_ADVANTAGE = _LEAST_RATIO
-_MOST_ONSETS = 4000  # of a window
+_MOST_BEFORE = 512  # rows before a window that are kept
 _LEAST_TAIL_SAMPLES = 2  # samples of an incomplete window at the end of a record
 
 
@@ -185,8 +186,10 @@ class SamplesEngine:
         oldest -= time_tolerance(interval, oldest)
         if fit.ratio[top] > self.least_ratio and fit.grid.onsets[top] < oldest:
             return self._fired(live, interval, provisional)
-        since = second.row.t - period - time_tolerance(period, second.row.t)
+        earlier = max(period, self.gains.shortest_dwell - self.gains.window)  # see `refit`
+        since = second.row.t - earlier - time_tolerance(earlier, second.row.t)
         cut = bisect_left(live.before, since, key=lambda at: at.row.t)
+        cut = max(cut, len(live.before) + 1 - _MOST_BEFORE)
         residuals = live.residuals_with(live.before[:cut])
         rows = [self._estimate(live, first.row, first.x, is_open=provisional)]
         return replace(
@@ -204,27 +207,27 @@ class SamplesEngine:
         self, live: SampledLive, interval: float, provisional: bool
     ) -> tuple[SampledLive, list[Estimate]]:
         """The impulse of this window, its rows, and a window that begins at its end."""
-        known = (*live.before, *live.rows)
-        start, rows = known[0], [at.row for at in known[1:]]
-        cells, fit = self._refit(live, start, rows, interval)
-        steady = self._followed(live, fit.cost)
+        refit = self._refit(live, interval)
+        fit, rows, first = refit.fit, refit.rows, refit.first
+        known, here = (*live.before, *live.rows), len(live.before)
+        steady = self._followed(live, known[first + 1 : here + 1], fit.cost)
         rival = steady.long.cost(self.model.nonnegative) - steady.long.rival
         is_ahead = rival >= _LEAST_ADVANTAGE
         freedom = sum(row.y is not None for row in rows) * self.gains.p - 2
-        residuals = live.residuals_with((start,)).joined(fit.cost, freedom)
+        residuals = live.residuals_with(known[: first + 1]).joined(fit.cost, freedom)
         history = replace(live.history, residuals=residuals)
         event = history.judged(
             _event(fit, freedom), self.gains.shortest_dwell, cost=fit.cost, freedom=freedom
         )
-        doubts = [] if is_ahead else [STEADY]
+        doubts = [*self._doubts(live, refit), *([] if is_ahead else [STEADY])]
         doubts += ["provisional: the record ends inside its window"] if provisional else []
         event = replace(event, doubts=(*event.doubts, *doubts))
         history = history.after(event, live.rows[0].row.t, rows[-1].t)
         live = replace(live, history=history)
-        means, last = self.model.collapsed(fit, cells, start, rows)
+        means, last = self.model.collapsed(fit, refit.cells, refit.start, rows)
         decided = [
             self._estimate(live, at.row, mean, is_open=provisional)
-            for at, mean in list(zip(known, means, strict=True))[len(live.before) : -1]
+            for at, mean in list(zip(known[first:], means, strict=True))[here - first : -1]
         ]
         long = steady.short if is_ahead else steady.long
         return replace(
@@ -235,28 +238,33 @@ class SamplesEngine:
             steady=SteadyInputs(long, Steady.begin(last)),
         ), with_event(decided, event)
 
-    def _followed(self, live: SampledLive, cost: float) -> SteadyInputs:
+    def _followed(
+        self, live: SampledLive, refitted: tuple[Filtered, ...], cost: float
+    ) -> SteadyInputs:
         """The steady inputs up to the end of the window.
 
-        cost: what the impulse leaves of the samples after the first row that is known.
+        refitted: rows up to its first one that the fit explains too; cost: what it leaves of all.
         """
-        again = sum(at.cost for at in (*live.before, live.rows[0])[1:])  # now explained by the fit
-        steady, share = live.steady, (cost - again) / (len(live.rows) - 1)
+        share = (cost - sum(at.cost for at in refitted)) / (len(live.rows) - 1)
+        steady = live.steady
         for at in live.rows[1:]:
             steady = steady.after(self.model.plant, at.row, share)
         return steady
 
-    def _refit(
-        self, live: SampledLive, start: Filtered, rows: list[Row], interval: float
-    ) -> tuple[Cells, Fit]:
-        """The posterior over onsets in a window that begins one sample earlier."""
-        third = live.rows[min(2, len(live.rows) - 1)].row.t
-        end = min(max(third, live.rows[0].row.t + 2 * interval), rows[-1].t)
-        cells = self.model.window(start, rows, end)
-        step = max(interval / ONSETS, (end - start.row.t) / _MOST_ONSETS)  # after a gap: coarser
-        count = max(round((end - start.row.t) / step) - 1, 2)
-        grid = self.model.grid_at(cells, start.row.t + step * np.arange(count, dtype=np.float64))
-        return cells, self.model.refined(cells, self.model.posterior(cells, grid))
+    def _refit(self, live: SampledLive, interval: float) -> Refit:
+        """The posterior over onsets, in any case from a period before the window's start on."""
+        known, here, period = (*live.before, *live.rows), len(live.before), self.gains.sample_period
+        times = [at.row.t for at in known]
+        since = times[here] - period - time_tolerance(period, times[here])
+        until = max(live.rows[:3][-1].row.t, times[here] + 2 * interval)
+        covered = bisect_left(times, since), min(bisect_left(times, until), len(times) - 1)
+        return Refit.over(self.model, known, covered, interval)
+
+    def _doubts(self, live: SampledLive, refit: Refit) -> list[str]:
+        """That the impulse may have come before all rows that are known, where it may."""
+        begin = max(live.first, live.history.t + self.gains.shortest_dwell)
+        is_first = refit.start.row.t <= begin + time_tolerance(self.gains.window, begin)
+        return [] if is_first or not refit.may_be_earlier else [EARLIER]
 
 
 def _event(fit: Fit, freedom: int) -> Event:

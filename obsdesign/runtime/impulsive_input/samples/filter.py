@@ -13,13 +13,14 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.plant import HeldPlant
+from obsdesign.runtime.state_marks import Past
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
     """One row: time, measurement (None: missing), known input from then on, deviations (p,)."""
 
-    t: float
+    t: Past
     y: Matrix | None
     u: Matrix
     spread: Matrix

@@ -10,23 +10,25 @@ from obsdesign.runtime.impulsive_input.residuals import Residuals
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered
 from obsdesign.runtime.impulsive_input.samples.onset import Cells
 from obsdesign.runtime.impulsive_input.samples.steady_input import SteadyInputs
+from obsdesign.runtime.state_marks import Past
 
 
 @dataclass(frozen=True, slots=True)
 class SampledLive:
     """The filter at the rows from the window's start on, one at least, and what it shows.
 
-    cells: statistics of onsets from the rows after that start. before: the filter at rows of one
-    period before it, empty right after a restart: where a refit may begin. steady: explanations of
-    the samples without impulses. level: largest |y| so far, () or (p,). first: time of the first
-    row of the record, the phase of periodic samples.
+    cells: statistics of onsets from the rows after that start. before: the filter at rows before
+    it, none of them before a restart, where a refit may begin: from the shortest dwell time before
+    the window's end on, at least one period. steady: explanations of the samples without impulses.
+    level: largest |y| so far, () or (p,). first: time of the record's first row, the phase of
+    periodic samples.
     """
 
     rows: tuple[Filtered, ...]
     cells: Cells
     steady: SteadyInputs
     level: Matrix
-    first: float
+    first: Past
     before: tuple[Filtered, ...] = ()
     history: History = field(default_factory=History)
 

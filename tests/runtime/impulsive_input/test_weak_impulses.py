@@ -1,0 +1,82 @@
+"""Impulses hardly larger than the noise, operator `samples`: deviations cover where they may be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign.runtime import from_design
+from obsdesign.runtime.impulsive_input.event import Event
+from obsdesign.runtime.impulsive_input.samples.refit import EARLIER
+from tests.systems.impulsive_input import record
+
+CHAIN = ([[-1.0, 0.0, 0.0], [1.0, -0.4, 0.0], [0.0, 0.4, -0.05]], [[0.0, 0.0, 1.0]])
+# an integrator before the output
+STORE = ([[-0.8, 0.0, 0.0], [0.8, -0.3, 0.0], [0.0, 0.3, 0.0]], [[0.0, 0.0, 1.0]])
+OSCILLATOR = ([[0.0, 1.0, 0.0], [-1.0, -0.3, 0.0], [0.0, 1.0, -0.1]], [[1.0, 0.0, 1.0]])
+
+
+def errors(
+    plant: tuple[list[list[float]], list[list[float]]],
+    weights: tuple[float, float],
+    dwell: float,
+    window: float,
+    seed: int,
+) -> tuple[list[tuple[float, Event]], int]:
+    """(error of time, event) for each impulse that has one, and how many impulses there were."""
+    A, C = plant
+    H, rng = [[1.0], [0.0], [0.0]], np.random.default_rng(seed)
+    body = {
+        "flow": {"A": A}, "jump": {"H": H, "dwell_time": [dwell, "inf"]},
+        "output": {"C": C, "measured": "periodic", "period": 0.5, "noise_std": [0.02]},
+        "observer": {"kind": "impulsive_input", "operator": "samples", "window": window},
+    }  # fmt: skip
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    onsets = dwell * (0.5 + np.arange(1, 41)) * 1.3 + rng.uniform(0, 0.25 * dwell, 40)
+    sizes = rng.choice([-1, 1], 40) * rng.uniform(*weights, 40)
+    t = 0.5 * np.arange(int(2 * (onsets[-1] + 2 * dwell)))
+    trains: Sequence[Any] = list(zip(onsets, sizes, strict=True))
+    y = record(A, H, trains, t, [0.0] * 3) @ np.transpose(C)
+    events = observer.run_batch(t, y + 0.02 * rng.standard_normal(y.shape), x=np.zeros(3)).events
+    close = [
+        (event.t - onset, event)
+        for onset in onsets
+        for event in events
+        if abs(event.t - onset) < 0.5 * dwell
+    ]
+    return close, len(onsets)
+
+
+WEAK = (0.06, 0.2)  # noise: 0.02
+
+
+@pytest.mark.parametrize(
+    ("plant", "weights", "dwell", "window"),
+    [(CHAIN, WEAK, 20, 3), (STORE, WEAK, 20, 3), (STORE, (0.5, 1), 10, 3),
+     (OSCILLATOR, WEAK, 10, 3)],
+)  # fmt: skip
+def test_times_of_weak_impulses_lie_within_their_deviations(
+    plant: Any, weights: Any, dwell: float, window: float
+) -> None:
+    events, count = errors(plant, weights, dwell, window, seed=0)
+    scores = np.array([error / event.t_std for error, event in events if event.status == "ok"])
+    assert len(scores) > 0.6 * count
+    assert np.sqrt((scores**2).mean()) < 1.2
+    assert np.abs(scores).max() < 4
+
+
+def test_an_impulse_that_may_have_come_before_all_samples_compared_has_a_doubt() -> None:
+    weak, _ = errors(STORE, WEAK, 10, 8, seed=0)
+    assert sum(EARLIER in event.status for _, event in weak) >= 5
+    scores = [abs(error) / event.t_std for error, event in weak if event.status == "ok"]
+    assert len(scores) > 20
+    assert max(scores) < 4
+    strong, count = errors(STORE, (0.5, 1.0), 10, 8, seed=0)
+    assert [event.status for _, event in strong] == ["ok"] * count
+    # the twin: longer dwell times leave more samples to compare
+    rare, count = errors(STORE, WEAK, 20, 8, seed=0)
+    assert [event.status for _, event in rare] == ["ok"] * count
