@@ -77,8 +77,8 @@ def execute(
     """
     signed = load_design(design)
     observer = from_design(signed, design)
-    _refuse_targets((design, data), {"--events": events, "--provisional": provisional,
-                                     "--state": state, "": output})  # fmt: skip
+    written = {"--events": events, "--provisional": provisional, "--state": state, "": output}
+    _refuse_targets((design, data), written)
     _refuse_events(observer, events)
     stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks = data or "standard input", list[str]()
@@ -104,19 +104,30 @@ def execute(
         parts, live = Stream(observer, progress), data is None
         if state is not None:
             estimates = parts.estimates(rows, live=live)
-        elif layout.lag == 0:
-            estimates = estimates_of(observer, progress.state, rows, live=live)
         else:
-            rest = None if provisional else arrivals
-            estimates = then_the_rest(parts, rows, rest, live=live)
+            late = arrivals if layout.lag > 0 else None
+            estimates = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
         tally = _write(observer, estimates, out, log, live=live)
     if state is not None:
-        late = tuple(WaitingRow.from_sample(sample) for sample in arrivals.waiting)
-        ended = replace(parts.progress, late=late, now=arrivals.buffer.now)
-        write_text(state, state_text(signed, ended))
+        write_text(state, state_text(signed, _ended(parts.progress, arrivals)))
     for text in [*_unproved(design, signed), *remarks, *_void(name, tally)]:
         remark(text)
     return tally
+
+
+def _to_the_end(
+    parts: Stream, rows: Iterator[Sample], late: Arrivals | None, *, only_final: bool, live: bool
+) -> Iterator[Estimate]:
+    """Estimates of a record that ends with its rows; late: of rows that may come late."""
+    if late is None:
+        return estimates_of(parts.observer, parts.progress.state, rows, live=live)
+    return then_the_rest(parts, rows, None if only_final else late, live=live)
+
+
+def _ended(progress: Progress, arrivals: Arrivals) -> Progress:
+    """The progress at the end of a part, with the rows that an earlier one may still precede."""
+    late = tuple(WaitingRow.from_sample(sample) for sample in arrivals.waiting)
+    return replace(progress, late=late, now=arrivals.buffer.now)
 
 
 def _begun(

@@ -22,13 +22,13 @@ class Stream:
     """An observer and its progress, which every estimate that is taken updates."""
 
     def __init__(self, observer: Observer, progress: Progress) -> None:
-        self._observer, self.progress = observer, progress
+        self.observer, self.progress = observer, progress
         self._latest: KindState = progress.state
 
     def begin(self, t: float) -> None:
         """Begin at the time of the first row, unless rows came before."""
         if self.progress.state is None:
-            state = self._observer.start(t, self.progress.initial)
+            state = self.observer.start(t, self.progress.initial)
             self.progress = replace(self.progress, state=state)
 
     def estimates(self, samples: Iterator[Sample], *, live: bool = False) -> Iterator[Estimate]:
@@ -38,9 +38,9 @@ class Stream:
         is taken again with the rows of the next part, so that no number depends on where a record
         was cut.
         """
-        if not isinstance(self._observer, Delayed):
+        if not isinstance(self.observer, Delayed):
             for sample in samples:
-                state, estimate = self._observer.step(self.progress.state, sample)
+                state, estimate = self.observer.step(self.progress.state, sample)
                 self.progress = replace(self.progress, state=state)
                 yield estimate
             return
@@ -48,7 +48,7 @@ class Stream:
         rows = itertools.chain((Sample(*row) for row in self.progress.waiting), samples)
         while block := list(itertools.islice(rows, size)):
             before, given = self.progress.state, self.progress.given
-            self._latest = self._observer.block(before, block)
+            self._latest = self.observer.block(before, block)
             decided = self._latest.decided
             if len(block) == size:
                 after, left = replace(self._latest, decided=()), max(given - len(decided), 0)
@@ -62,7 +62,7 @@ class Stream:
 
     def tail(self) -> Sequence[Estimate]:
         """Rows that an observer with a delay has not decided."""
-        return self._observer.finish(self._latest) if isinstance(self._observer, Delayed) else ()
+        return self.observer.finish(self._latest) if isinstance(self.observer, Delayed) else ()
 
 
 def estimates_of(

@@ -50,8 +50,10 @@ def kernel(
     checks = -np.vstack([residual.lower(-1.0), residual.lower()])
     maps = [_Rows.of_map(each) for each in (step, *(m for m in cuts.boxes if m is not step))]
     strips = [_Rows.of_map(each) for each in cuts.strips]
-    outer = _candidates(maps, strips, model.S, exactly(C), model.V, y_end)
-    inner = [] if model.S is None else _candidates(maps, strips, None, model.C, model.V, y_end)
+    outer = _candidates(maps, strips, model.S, exactly(C), V=model.V, y_end=y_end)
+    inner = (
+        [] if model.S is None else _candidates(maps, strips, None, model.C, V=model.V, y_end=y_end)
+    )
     both = [_ends(maps[0] if model.S is None else maps[0].times(model.S)), _ends(maps[0])]
     whole = np.vstack(both[: 1 if model.S is None else 2])
     total = _total(np.vstack([checks, whole, *outer, *inner]))
@@ -117,7 +119,7 @@ def _total(rows: Matrix) -> Matrix:
 
 
 def _candidates(
-    maps: list[_Rows], strips: list[_Rows], S: Enclosure | None, C: Enclosure, V: Matrix,
+    maps: list[_Rows], strips: list[_Rows], S: Enclosure | None, C: Enclosure, *, V: Matrix,
     y_end: Enclosure,
 ) -> list[Matrix]:  # fmt: skip
     """Bounds of S z, C acting on S z: in as few blocks as the state with most bounds needs.
