@@ -71,7 +71,9 @@ def intersection(first: Matrix, second: Matrix) -> Matrix:
 
 def strip_cut(box: Matrix, C: Matrix, strip: Matrix) -> Matrix | None:
     """The box around the part of a box with C z in the strip (2, p); None if it is empty."""
-    n = C.shape[1]
+    n, blind = C.shape[1], ~C.any(axis=1)  # outputs that see nothing: zero but for noise
+    if (strip[0][blind] > 0).any() or (strip[1][blind] < 0).any():
+        return None
     with np.errstate(divide="ignore", invalid="ignore"):
         # C_ri z_i <= high_r - sum over j != i of the least C_rj z_j
         ends = np.where(C == 0, 0.0, C * box[:, None, :])

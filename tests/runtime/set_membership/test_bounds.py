@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import obsdesign
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.set_membership.evaluation import upper_bounds
 from obsdesign.runtime.set_membership.model import observer_model
+from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.stages import Targets, window_of
 from obsdesign.runtime.set_membership.tables import Tables
 from tests.systems.feasible_set import exact_bounds
@@ -233,3 +236,16 @@ def test_steps_that_are_long_for_the_plant_keep_the_steady_state(h: float) -> No
     least = min(2 * 0.03, 2 * 0.1)
     assert (np.ptp(bounds[2:], axis=1)[:, 1] <= least * (1 + 1e-9)).all()
     assert (np.ptp(bounds[2:], axis=1)[:, 0] <= 1.2 * (0.4 * 2 * 0.1 + 2 * 0.005)).all()
+
+
+@pytest.mark.parametrize(("y", "status"), [(0.099, "ok"), (0.101, "contradict")])
+def test_an_output_of_nothing_is_its_noise(y: float, status: str) -> None:
+    body = {
+        "flow": {"A": [[0.0]], "disturbance": {"lower": [-0.1], "upper": [0.1]}},
+        "output": {"C": [[0.0]], "noise_bound": [0.1]},
+        "observer": {"kind": "set_membership", "window": 4},
+    }
+    plant = obsdesign.Problem.from_dict(body).plant
+    observer = SetMembershipObserver(SetMembershipGains.from_plant(plant, window=4, steps=8))
+    state = observer.init(0.0, lower=[-1.0], upper=[1.0])
+    assert status in observer.step(state, Sample(1.0, y=np.array([y])))[1].status
