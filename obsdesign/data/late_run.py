@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import chain
 
 from obsdesign.data.arrivals import Arrivals, Remark
 from obsdesign.data.csv_text import estimate_header, estimate_line
@@ -52,8 +51,8 @@ def then_the_rest(
     waiting = () if arrivals is None else arrivals.waiting
     if waiting:  # the last row to arrive always waits
         parts.begin(waiting[0].t)
-        rest = chain(parts.estimates(iter(waiting), live=live), parts.tail())
-        yield from map(provisional, rest)
+        yield from map(provisional, parts.estimates(iter(waiting), live=live))
+        yield from map(provisional, parts.tail())
 
 
 @contextmanager

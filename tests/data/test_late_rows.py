@@ -263,6 +263,9 @@ def test_rows_that_are_decided_later_are_as_in_time(
     assert len(lines) == 62
     assert lines[: len(final)] == final
     assert all("provisional" in line for line in lines[len(final) :])
+    # all rows are there by then: the numbers, too, are those of the whole record
+    whole = Path("whole.csv").read_text().splitlines()
+    assert [line.rpartition(",")[0] for line in lines] == [x.rpartition(",")[0] for x in whole]
 
 
 def test_a_record_that_is_smoothed_as_a_whole_has_no_late_rows(
