@@ -23,7 +23,13 @@ from obsdesign.verification.answers import is_ended, more_time, reason
 # quality of a design -> where its proved number stands: (claim, entry of its evidence) by kind
 QUALITIES: Mapping[str, Mapping[str, tuple[tuple[str, str], ...]]] = {
     "verdict": dict.fromkeys(KINDS, ()),
-    "width": {"interval": (("width", "always"), ("sampled_stability", "always"))},
+    "width": {
+        "interval": (
+            ("width", "always"),
+            ("sampled_stability", "always"),
+            ("event_width", "always"),
+        )
+    },
     "decay_rate": {
         "interval": (("rates", "in_time"),),
         "luenberger": (("rates", "in_time"),),

@@ -28,6 +28,7 @@ from obsdesign.problem.plant import Jump, Output
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.convex_gain import UserConstraints
+from obsdesign.synthesis.interval.event_tubes import event_certificates
 from obsdesign.synthesis.kind import candidates_of
 
 LABEL = "split"
@@ -55,7 +56,8 @@ def clocked_candidate(
             solvers = merged(solvers, used)
     L, M = with_given(plant, problem.gains, L, M)
     gains = ClockedIntervalGains.from_plant(plant, L=L, M=M if len(M) else None)
-    return Candidate(LABEL, gains, {}, searched=True, solvers=solvers)
+    certificates = event_certificates(gains, budget)
+    return Candidate(LABEL, gains, certificates, searched=True, solvers=solvers)
 
 
 def _at_samples(problem: Problem, sensor: Output, budget: TimeBudget) -> tuple[Array, Solvers]:

@@ -11,10 +11,11 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
-from obsdesign.verification.interval.several_clocks import clocked_guarantees
+from obsdesign.verification.interval.several_clocks import clocked_guarantees, clocked_states
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
+from obsdesign.verification.state_widths import StateWidths
 
 _ENCLOSURE = (
     "The bounds contain the state at every instant, if they contain it at the start, b, c and "
@@ -70,6 +71,11 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
         "The observer does not use the sensor: L = M = 0, so that every proved width is that of "
         f"the plant alone; at run time only the strip of each sample cuts the bounds; {other}.",
     )
+
+
+def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
+    """Sensor strip and proved width of each state, of a plant with several clocks."""
+    return () if problem.plant.has_one_clock else clocked_states(problem, claims)
 
 
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:

@@ -1,19 +1,34 @@
 """The interval observer for several clocks: its gains, and what follows from its clocks.
 
-The bounds themselves need no hypothesis: no stated time enters them.
+The bounds themselves need no hypothesis: no stated time enters them. Their width does: a tube on
+the graph of the clocks (`analysis.interval.event_graph`), which is made here from the problem.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from decimal import ROUND_CEILING
+
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries
+from lmi.arithmetic.balls import exact, to_float
+from lmi.bounds.graph_tube import prove_graph
+from lmi.prove.hurwitz import prove_hurwitz
+from lmi.verdict import Verdict, proved, undecided
+from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.event_graph import MOST_CELLS, event_graph, homogeneous
 from obsdesign.analysis.interval.several_clocks import reason_against_clocks, with_given
 from obsdesign.document import Claim, Guarantee
+from obsdesign.entries import is_number
 from obsdesign.equations.clocks import clock_data
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
+from obsdesign.verification.rates import six_digits
+from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
+from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
     "The bounds contain the state at every row, if they contain it at the start, b, c and v stay "
@@ -26,26 +41,194 @@ _MONOTONE = (
     "box that it leaves is kept only where it is narrower."
 )
 _NO_WIDTH = (
-    "No width of the bounds is guaranteed: nothing is proved here of clocks that are independent."
+    "No width of the bounds is guaranteed: the times of several events are independent, and what "
+    "they come to together is not proved."
 )
+_SOURCE = "docs/interval.md, several events and sensors; comparison with fewer samples"
+_CLOCKS = "for all times of samples that the clocks allow"
+_EVENTS = (
+    "as events go on, for all times of events and samples that the clocks allow, where a sample "
+    "stamped with the time of an event acts before it, or after it, as `sees` says"
+)
+
+
+@dataclass(frozen=True)
+class EventWidth:
+    """Evidence of `event_width`: a tube (nodes, n) for `cells`, and bounds of the width (n,).
+
+    always: at all times; before, after: the event, None without one.
+    """
+
+    cells: int
+    tube: Matrix
+    always: Matrix
+    before: Matrix | None
+    after: Matrix | None
+
+    @classmethod
+    def from_tube(cls, system: ClockSystem, cells: int, tube: Matrix) -> EventWidth | None:
+        """What a tube comes to; None where it has not the size of the graph."""
+        nodes = event_graph(system, cells, always=True)
+        if nodes is None or tube.shape != (len(nodes.graph.nodes), nodes.graph.n):
+            return None
+        always = tube[list(nodes.always)].max(axis=0)
+        if nodes.before is None:
+            return cls(cells, tube, always, None, None)
+        after = exact(tube[nodes.before])
+        for stage in nodes.graph.events[0]:
+            after = stage(after)
+        return cls(cells, tube, always, tube[nodes.before], np.nextafter(to_float(after), np.inf))
+
+    def to_evidence(self) -> NewEntries:
+        """Entries of the claim."""
+        names = ("tube", "always", "before", "after")
+        values = {name: getattr(self, name) for name in names}
+        stated = {name: x.tolist() for name, x in values.items() if x is not None}
+        return {"cells": self.cells, **stated}
 
 
 def clocked_claims(
     problem: Problem, stored: Entries, certificates: EntriesByClaim
 ) -> tuple[Claim, ...]:
-    """All claims of the design, each with its verdict; stored: gains as a file states them."""
-    del certificates
+    """All claims of the design, each with its verdict; stored: gains as a file states them.
+
+    certificates: {"event_stability": {"cells", "tube"}, "event_width": the same} where they were
+    found; the graph is made from the problem, and the tube is checked on it.
+    """
     reason = reason_against_clocks(problem)
     expected = {} if reason is not None else _expected(problem, stored)
-    agreement, _ = consistent_gains(reason, stored, expected, ClockedIntervalGains.from_document)
-    return (agreement,)
+    agreement, gains = consistent_gains(
+        reason, stored, expected, ClockedIntervalGains.from_document
+    )
+    if gains is None or len(gains.events) > 1:
+        return (agreement,)
+    system, clocks = ClockSystem(gains), _EVENTS if gains.events else _CLOCKS
+    stability = Claim.from_verdict(
+        "event_stability",
+        f"without disturbance and noise the width of the bounds tends to zero {clocks}: a "
+        "tube of the homogeneous width system on the graph of the clocks is drawn into itself",
+        _SOURCE,
+        _stability(system, certificates.get("event_stability", {})),
+    )
+    width = Claim.from_verdict(
+        "event_width",
+        f"the width of the bounds comes to at most `always` at any time {clocks}"
+        + ("" if not gains.events else f", `before` and `after` the event {gains.events[0].name}"),
+        _SOURCE,
+        _width(system, certificates.get("event_width", {})),
+    )
+    return (agreement, stability, width)
+
+
+def _stability(system: ClockSystem, proposed: Entries) -> Verdict:
+    """The homogeneous tube of a certificate, proved."""
+    certificate = _certificate(proposed)
+    if (reason := _reason_against_endless(system)) or certificate is None:
+        return undecided(reason or reason_without_tube(system))
+    cells, tube = certificate
+    nodes = event_graph(system, cells, always=False)
+    assert nodes is not None
+    verdict = prove_graph(homogeneous(nodes.graph), tube)
+    stated: NewEntries = {"cells": cells, "tube": tube}
+    return Verdict(verdict.outcome, {**stated, **verdict.evidence}) if _is(verdict) else verdict
+
+
+def _width(system: ClockSystem, proposed: Entries) -> Verdict:
+    """The tube of a certificate, proved, and what it comes to."""
+    certificate = _certificate(proposed)
+    if (reason := _reason_against_endless(system)) or certificate is None:
+        return undecided(reason or reason_without_tube(system))
+    cells, tube = certificate
+    nodes = event_graph(system, cells, always=True)
+    assert nodes is not None
+    verdict = prove_graph(nodes.graph, tube)
+    if not _is(verdict):
+        return verdict
+    width = EventWidth.from_tube(system, cells, np.array(tube))
+    assert width is not None
+    return proved(**width.to_evidence(), **verdict.evidence)
+
+
+def _reason_against_endless(system: ClockSystem) -> str | None:
+    """Reason against proofs where the event may stay away and the flow does not decay, or None."""
+    if not system.gains.events or math.isfinite(system.dwell[1]):
+        return None
+    if prove_hurwitz(system.W).outcome == "proved":
+        return None
+    name = system.gains.events[0].name
+    return (
+        f"event {name} has no longest time, and the width does not decay by itself: W = Mz(A) is "
+        "not proved to be Hurwitz"
+    )
+
+
+def _is(verdict: Verdict) -> bool:
+    return verdict.outcome == "proved"
+
+
+def _certificate(proposed: Entries) -> tuple[int, list[list[float]]] | None:
+    """(cells, tube) of a certificate; None where it is none."""
+    cells, tube = proposed.get("cells"), proposed.get("tube")
+    if type(cells) is not int or not 1 <= cells <= MOST_CELLS or not isinstance(tube, list):
+        return None
+    rows = [row for row in tube if isinstance(row, list) and all(map(is_number, row))]
+    if len(rows) != len(tube) or len({len(row) for row in rows}) != 1:
+        return None
+    return cells, [[float(x) for x in row] for row in rows]
+
+
+def reason_without_tube(system: ClockSystem) -> str:
+    """Reason why no width is proved: what the clocks leave open."""
+    sentences = ["no tube was found on the graph of the clocks"]
+    sentences += [
+        f"sensor {name} may be silent for any time, and is not counted on"
+        for name in system.not_counted
+    ]
+    for place in sorted({*system.counted} - {*system.usable}):
+        sensor, shortest = system.gains.sensors[place], system.dwell[0]
+        sentences.append(
+            f"sensor {sensor.name} may be silent for {sensor.gap:g}, longer than the shortest time "
+            f"{shortest:g} between two events {system.gains.events[0].name}: it is not counted on"
+        )
+    return "; ".join(sentences)
 
 
 def clocked_guarantees(claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     given = [Guarantee.from_verdicts(x, ["consistent"], verdicts) for x in (_ENCLOSURE, _MONOTONE)]
-    return (*given, Guarantee.not_proved(_NO_WIDTH))
+    if "event_stability" not in verdicts:
+        return (*given, Guarantee.not_proved(_NO_WIDTH))
+    bounded = (
+        "For all times of events and samples that the stated clocks allow, the width of the bounds "
+        "stays bounded, and without disturbance and noise it tends to zero."
+    )
+    given.append(Guarantee.from_verdicts(bounded, ["event_stability"], verdicts))
+    evidence = next(claim.evidence for claim in claims if claim.id == "event_width")
+    if verdicts["event_width"] != "proved":
+        return tuple(given)
+    given.append(Guarantee.from_verdicts(_width_sentence(evidence), ["event_width"], verdicts))
+    return (*given, Guarantee.from_verdicts(ROUNDED_WIDTHS, ["event_width"], verdicts))
+
+
+def _width_sentence(evidence: Entries) -> str:
+    words = {"always": "at any time", "before": "before the event", "after": "after it"}
+    parts = [
+        f"({', '.join(six_digits(x, ROUND_CEILING) for x in evidence[name])}) {text}"
+        for name, text in words.items()
+        if name in evidence
+    ]
+    return f"In the long run the width of the bounds comes to at most {', '.join(parts)}."
+
+
+def clocked_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
+    """Sensor strip and proved width of each state."""
+    proved_of = {claim.id: claim.evidence for claim in claims if claim.verdict == "proved"}
+    width = proved_of.get("event_width", {}).get("always", [None] * problem.plant.n)
+    return tuple(
+        StateWidths(f"x{i + 1}", None, strip, width[i], None, None, None)
+        for i, strip in enumerate(sensor_strips(problem.plant.outputs))
+    )
 
 
 def _expected(problem: Problem, stored: Entries) -> NewEntries:

@@ -1,0 +1,223 @@
+"""Bounds of positive systems whose events come at independent times: a tube on a graph.
+
+    u' = W u + f         W Metzler, f >= 0, between events
+    u+ = T(u)            at an event: stages, each the least of affine maps N u + k, N >= 0, k >= 0
+
+A node stands for a set of instants, v at it for a bound of u there. A `Passage` says that u at a
+node is at most what the flow makes of T(v) at another one after a time in [low, high]; a strategy
+is a list of passages of which one applies, whichever it is, so that the largest bounds u; where
+there are several strategies each of them bounds u, entry by entry.
+
+Theorem. If v > 0 and for every node and entry a strategy has all its passages strictly below v,
+then every u enters the tube and stays, from any size. Proof: let m be the largest ratio of u to v
+over the times that passages look back at, m >= 1. Flow and events take m v to at most m times what
+they make of v (they are monotone, and the least of affine maps with k >= 0 is subhomogeneous), so
+that u <= m (1 - e) v now: the ratio is below m, and over the next stretch of such a time at most
+the larger of 1 and (1 - e) m.
+
+Held entries of a passage do not flow: they keep the largest v of the nodes that the passage goes
+through, which bounds u there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balancing import Scaling
+from lmi.arithmetic.balls import Exact, exact, to_float
+from lmi.arithmetic.exponential import expm
+from lmi.bounds.tube import Affine, prove_below
+from lmi.families import horizon
+from lmi.verdict import Verdict, proved, undecided
+
+# grid step of floats that steer, times the norm of the flow
+_STEP = 0.03
+_FEWEST, _MOST = 5, 1500
+
+
+@dataclass(frozen=True)
+class Least:
+    """u -> the least, entry by entry, of N u + k; exact (n, n), (n,) each."""
+
+    maps: tuple[tuple[Exact, Exact], ...]
+
+    def __call__(self, u: Exact) -> Exact:
+        """Its value at an exact u (n,)."""
+        values = [N @ u + k for N, k in self.maps]
+        return np.array([min(entries) for entries in zip(*values, strict=True)], dtype=object)
+
+
+@dataclass(frozen=True)
+class Passage:
+    """From node `source` through an event, in a time in [low, high].
+
+    event: its place in `Graph.events`, None for none.
+    held: (n,), which entries do not flow, None: all do; through: nodes whose bounds they keep;
+    silent: (n,), entries of which the passage is taken to bound nothing, None: it bounds all that
+    flow.
+    """
+
+    source: int
+    event: int | None
+    low: float
+    high: float
+    held: tuple[bool, ...] | None = None
+    through: tuple[int, ...] = ()
+    silent: tuple[bool, ...] | None = None
+
+    @cached_property
+    def unbounded(self) -> NDArray[np.bool_] | None:
+        """(n,): entries that it bounds nothing of; None for none."""
+        masks = [mask for mask in (self.held, self.silent) if mask is not None]
+        return np.any(masks, axis=0) if masks else None
+
+
+Strategy = tuple[Passage, ...]
+
+
+@dataclass(frozen=True)
+class Graph:
+    """W (n, n), f (n,) exact; events: stages of each; nodes: strategies of each."""
+
+    W: Exact
+    f: Exact
+    events: tuple[tuple[Least, ...], ...]
+    nodes: tuple[tuple[Strategy, ...], ...]
+
+    @property
+    def n(self) -> int:
+        """Number of entries of u."""
+        return len(self.f)
+
+    def passages(self) -> Iterator[Passage]:
+        """Passages of all strategies of all nodes."""
+        for strategies in self.nodes:
+            for strategy in strategies:
+                yield from strategy
+
+    def system(self, passage: Passage, v: Exact) -> Affine:
+        """The flow of a passage from the bound that its event makes of v (nodes, n)."""
+        start = v[passage.source]
+        for stage in () if passage.event is None else self.events[passage.event]:
+            start = stage(start)
+        if passage.held is None:
+            return Affine(self.W, self.f, start)
+        held, kept = np.array(passage.held), v[list(passage.through)].max(axis=0)
+        W = np.where(held[:, None], self.W * 0, self.W)
+        return Affine(W, np.where(held, self.f * 0, self.f), np.where(held, kept, start))
+
+    @cached_property
+    def floats(self) -> FloatGraph:
+        """The same in floats, on grids of times."""
+        return FloatGraph(self)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A passage at the times of a grid: u = flows @ start + pushes; (k, n, n), (k, n)."""
+
+    flows: Matrix
+    pushes: Matrix
+
+
+class FloatGraph:
+    """A graph in floats; what it says steers searches and proofs, and proves nothing."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.W, self.f = to_float(graph.W), to_float(graph.f)
+        self.events = [
+            [[(to_float(N), to_float(k)) for N, k in stage.maps] for stage in stages]
+            for stages in graph.events
+        ]
+        self._grids: dict[tuple[float, float, tuple[bool, ...] | None], Grid] = {}
+
+    def start(self, passage: Passage, v: Matrix) -> Matrix:
+        """What the flow of a passage starts from, (n,)."""
+        start: Matrix = v[passage.source]
+        for stage in () if passage.event is None else self.events[passage.event]:
+            start = np.min([N @ start + k for N, k in stage], axis=0)
+        if passage.held is None:
+            return start
+        kept: Matrix = np.where(passage.held, v[list(passage.through)].max(axis=0), start)
+        return kept
+
+    def grid(self, passage: Passage) -> Grid:
+        """Flows at the times of a passage."""
+        key = (passage.low, passage.high, passage.held)
+        if key not in self._grids:
+            self._grids[key] = self._made(*key)
+        return self._grids[key]
+
+    def _made(self, low: float, high: float, held: tuple[bool, ...] | None) -> Grid:
+        n, high = len(self.f), min(high, low + 4 * horizon(self.W))
+        W, f = self.W, self.f
+        if held is not None:
+            W, f = np.where(np.array(held)[:, None], 0.0, W), np.where(held, 0.0, f)
+        wanted = (high - low) * float(np.abs(W).sum(axis=1).max(initial=0.0)) / _STEP
+        count = 1 if high == low else int(np.clip(np.ceil(wanted), _FEWEST, _MOST)) + 1
+        Z = np.zeros((n + 1, n + 1))
+        Z[:n, :n], Z[:n, n] = W, f
+        whole = expm(Z * np.linspace(low, high, count)[:, None, None])
+        return Grid(whole[:, :n, :n], whole[:, :n, n])
+
+    def largest(self, passage: Passage, v: Matrix) -> Matrix:
+        """The largest u of a passage, (n,); infinite where it bounds nothing."""
+        grid, unbounded = self.grid(passage), passage.unbounded
+        u = (grid.flows @ self.start(passage, v) + grid.pushes).max(axis=0)
+        return u if unbounded is None else np.where(unbounded, np.inf, u)
+
+    def values(self, node: int, v: Matrix) -> list[Matrix]:
+        """Of each strategy of a node: what each of its passages leads to, (passages, n)."""
+        return [
+            np.array([self.largest(passage, v) for passage in strategy])
+            for strategy in self.graph.nodes[node]
+        ]
+
+    def bounds(self, node: int, v: Matrix) -> Matrix:
+        """Bound of each strategy of a node, (strategies, n)."""
+        return np.array([values.max(axis=0) for values in self.values(node, v)])
+
+    def image(self, v: Matrix) -> Matrix:
+        """What all nodes make of v, (nodes, n)."""
+        return np.array([self.bounds(x, v).min(axis=0) for x in range(len(v))])
+
+
+def prove_graph(graph: Graph, values: Sequence[Sequence[float]]) -> Verdict:
+    """Prove that a tube v (nodes, n) is invariant and attracts; undecided otherwise."""
+    v = np.asarray(values, dtype=np.float64)
+    if v.shape != (len(graph.nodes), graph.n):
+        return undecided(f"the tube must be {len(graph.nodes)}x{graph.n}")
+    if not (np.isfinite(v).all() and (v > 0).all()):
+        return undecided("the tube is not positive")
+    exact_v, steps, count = exact(v), 0, 0
+    for node, strategies in enumerate(graph.nodes):
+        with np.errstate(all="ignore"):
+            chosen = np.argmin(graph.floats.bounds(node, v), axis=0)
+        for place in np.unique(chosen):
+            for passage in strategies[int(place)]:
+                verdict = _below(graph, passage, exact_v, node, chosen == place)
+                if verdict.outcome != "proved":
+                    return undecided(f"{verdict.evidence['reason']}, at node {node}", node=node)
+                steps += verdict.evidence["steps"]
+                count += 1
+    return proved(method="mean value form in balls", passages=count, steps=steps)
+
+
+def _below(
+    graph: Graph, passage: Passage, v: Exact, node: int, entries: NDArray[np.bool_]
+) -> Verdict:
+    """Is what a passage leads to below v at a node, in these entries?"""
+    if passage.unbounded is not None and (entries & passage.unbounded).any():
+        return undecided("an entry has no bound")
+    system = graph.system(passage, v)
+    units = Scaling.like(to_float(v[node]))
+    scaled = Affine(units.map(system.W), units.rows(system.f), units.rows(system.start))
+    rows, bound = exact(np.eye(graph.n))[entries], units.rows(v[node])[entries]
+    return prove_below(scaled, rows, bound, passage.low, passage.high)

@@ -1,0 +1,126 @@
+"""Width maps of an interval observer for several clocks, exact, and what its clocks promise.
+
+w = upper - lower: w' <= W w + f, W = Mz(A), between rows; at an event w+ <= |G| w + h, or what its
+correction makes of it; at a sample the least of w, |I - L C| w + 2 |L| V and of the strips.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.balls import Exact, exact
+from lmi.bounds.graph_tube import Least
+from obsdesign.equations.boxes import image_box
+from obsdesign.equations.clocks import EventGains
+from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
+from obsdesign.equations.interval.splits import metzler_split
+
+
+@dataclass(frozen=True)
+class ClockSystem:
+    """Width maps of a design with several clocks, exact."""
+
+    gains: ClockedIntervalGains
+
+    @cached_property
+    def W(self) -> Exact:
+        """Mz(A) (n, n)."""
+        plus, minus = metzler_split(exact(self.gains.A))
+        W: Exact = plus + minus
+        return W
+
+    @cached_property
+    def f(self) -> Exact:
+        """Width of b (n,)."""
+        f: Exact = exact(self.gains.flow_upper) - exact(self.gains.flow_lower)
+        return f
+
+    @cached_property
+    def counted(self) -> tuple[int, ...]:
+        """Places of the sensors that are silent for a bounded time."""
+        return tuple(
+            k
+            for k, sensor in enumerate(self.gains.sensors)
+            if sensor.event is None and 0.0 < sensor.gap < math.inf
+        )
+
+    @property
+    def not_counted(self) -> tuple[str, ...]:
+        """Names of the sensors that no proof counts on, whose times are not bounded."""
+        sensors = self.gains.sensors
+        return tuple(
+            sensor.name
+            for k, sensor in enumerate(sensors)
+            if k not in self.counted and sensor.event is None
+        )
+
+    @property
+    def usable(self) -> tuple[int, ...]:
+        """Those of the counted ones that are silent for no longer than between two events."""
+        shortest = self.dwell[0] if self.gains.events else math.inf
+        return tuple(k for k in self.counted if self.gains.sensors[k].gap <= shortest)
+
+    @property
+    def dwell(self) -> tuple[float, float]:
+        """(shortest, longest) time between two events of the first name."""
+        ends = self.gains.events[0].dwell_time
+        return (0.0, math.inf) if ends is None else (float(ends[0]), float(ends[1]))
+
+    def gap(self, sensor: int) -> Fraction:
+        """Longest time between two samples of a sensor."""
+        return Fraction(self.gains.sensors[sensor].gap)
+
+    def sampled(self, sensor: int) -> Least:
+        """What a sample of a sensor makes of the width."""
+        own = self.gains.outputs[sensor]
+        C, L = exact(self.gains.C[own]), exact(self.gains.L[:, own])
+        V, unit = exact(self.gains.noise_bound[own]), exact(np.eye(self.gains.n))
+        maps = [(unit, 0 * self.f), (abs(unit - L @ C), abs(L) @ V * 2)]
+        maps += [_strips(unit, c, v) for c, v in zip(C, V, strict=True)]
+        return Least(tuple(maps))
+
+    def touched(self, sensor: int) -> tuple[bool, ...]:
+        """Which states a sample of a sensor may bound better than they are."""
+        own = self.gains.outputs[sensor]
+        C, L = self.gains.C[own], self.gains.L[:, own]
+        return tuple(((C != 0).any(axis=0) | (L != 0).any(axis=1)).tolist())
+
+    def happened(self, event: int) -> tuple[Least, ...]:
+        """What an event makes of it: samples before it, its map, samples after it."""
+        own = self.gains.events[event]
+        read = [k for k, x in enumerate(self.gains.sensors) if x.event == own.name]
+        before = [k for k in read if self.gains.sensors[k].sees == "before"]
+        after = [k for k in read if self.gains.sensors[k].sees == "after"]
+        stages = [self.sampled(k) for k in before]
+        return (*stages, self._jump(event, own, before), *(self.sampled(k) for k in after))
+
+    def _jump(self, event: int, own: EventGains, before: Sequence[int]) -> Least:
+        lower, upper = image_box(*own.disturbance)
+        G, h = exact(own.G), exact(upper) - exact(lower)
+        M, C = self.gains.event_gains[event], exact(self.gains.C)
+        read = np.zeros(self.gains.p, dtype=bool)
+        for k in before:
+            read[self.gains.outputs[k]] = True
+        maps = [(abs(G), h)]
+        if M.any() and not M[:, ~read].any():
+            noise = abs(exact(M)) @ exact(self.gains.noise_bound) * 2
+            maps.append((abs(G - exact(M) @ C), h + noise))
+        return Least(tuple(maps))
+
+
+def _strips(unit: Exact, c: Array, v: Array) -> tuple[Exact, Exact]:
+    """Rows of the states that an output is about, from its strip; those of the others unchanged."""
+    N, k = unit.copy(), unit[0] * 0
+    for i in range(len(c)):
+        if c[i] != 0:
+            N[i] = abs(c) / abs(c[i])
+            N[i, i] = N[i, i] * 0
+            k[i] = 2 * v / abs(c[i])
+    return N, k

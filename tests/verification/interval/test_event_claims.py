@@ -1,0 +1,191 @@
+"""Widths of interval observers for several clocks: published cases, twins, forged designs."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+from lmi.bounds.graph_tube import prove_graph
+from lmi.find.graph_tube import proposed_tubes
+from obsdesign import workflow
+from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.event_graph import event_graph, homogeneous
+from obsdesign.data.simulation import simulate
+from obsdesign.document import Claim
+from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
+from obsdesign.problem.problem import Problem
+from obsdesign.runtime import from_design
+from obsdesign.runtime.base import rows_of
+from tests.systems.event_widths import doses, motor, positioning, shortest, two_states
+
+
+def claims_of(body: dict[str, Any]) -> dict[str, Claim]:
+    return {c.id: c for c in workflow.investigate(Problem.from_dict(body)).claims}
+
+
+def is_stable(body: dict[str, Any], cells: int) -> bool:
+    """Is a tube without inputs proposed on the graph of these clocks, and proved?"""
+    plant = Problem.from_dict(body).plant
+    L, M = np.zeros((plant.n, plant.p)), np.zeros((len(plant.events), plant.n, plant.p))
+    system = ClockSystem(ClockedIntervalGains.from_plant(plant, L=L, M=M))
+    nodes = event_graph(system, cells, always=False)
+    assert nodes is not None
+    graph = homogeneous(nodes.graph)
+    tubes = proposed_tubes(graph, np.ones(plant.n))
+    return any(prove_graph(graph, tube.tolist()).outcome == "proved" for tube in tubes)
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.2, 0.5])
+def test_the_shortest_time_between_jumps_is_the_limit(gap: float) -> None:
+    """Stable from the limit on, where a sample comes as late as it may; below it not proved."""
+    low = shortest(gap)
+    assert is_stable(two_states((1.001 * low, 1.5 * low), gap), 1)
+    for cells in (1, 8):
+        assert not is_stable(two_states((low - 1e-4, 1.5 * low), gap), cells)
+
+
+def test_below_the_limit_both_claims_are_undecided() -> None:
+    low = shortest(0.5)
+    claims = claims_of(two_states((low - 1e-4, 1.5 * low), 0.5))
+    for name in ("event_stability", "event_width"):
+        assert claims[name].verdict == "undecided"
+        assert "no tube was found" in claims[name].evidence["reason"]
+
+
+@pytest.mark.parametrize(("every", "gap", "simulated", "published"), [
+    ((2, 3), 0.05, (1.4063, 1.2027), (1.4119, 1.2093)),
+    ((2, 3), 0.2, (1.4855, 1.3867), (1.4991, 1.3947)),
+    ((2, 3), 0.5, (1.5742, 1.5928), (1.6410, 1.6839)),
+    ((1.2, 1.8), 0.2, (2.8390, 2.3427), (2.9689, 2.4281)),
+    ((1, 1.5), 0.2, (4.6119, 3.5204), (5.2799, 4.0528)),
+])  # fmt: skip
+def test_widths_after_a_jump_are_between_simulated_and_published_ones(
+    every: tuple[float, float], gap: float, simulated: Any, published: Any
+) -> None:
+    width = claims_of(two_states(every, gap))["event_width"]
+    assert width.verdict == "proved"
+    after = np.array(width.evidence["after"])
+    assert (np.array(simulated) <= after).all()
+    assert (after <= np.array(published)).all()
+
+
+@pytest.mark.parametrize(("body", "simulated", "most"), [
+    (motor(0.01, 0.05), (0.01044, 0.04395, 0.10042), (0.01066, 0.04425, 0.1005)),
+    (motor(0.03, 0.15), (0.01141, 0.0478, 0.10045), (0.01167, 0.04791, 0.1006)),
+    (motor(0.1, 0.5), (0.0150, 0.0499, 0.1005), (0.0160, 0.0500, 0.1006)),
+    (positioning(0.3, 5), (2.73, 0.19, 0.199), (2.97, 0.22, 0.201)),
+    (positioning(0.3, 20), (0, 0.19, 0.199), (5.82, 0.22, 0.201)),
+])  # fmt: skip
+def test_widths_of_two_sensors_without_events(
+    body: dict[str, Any], simulated: Any, most: Any
+) -> None:
+    width = claims_of(body)["event_width"]
+    assert width.verdict == "proved"
+    always = np.array(width.evidence["always"])
+    assert (np.array(simulated) <= always).all()
+    assert (always <= np.array(most)).all()
+
+
+@pytest.mark.parametrize("body", [two_states((2, 3), 0.5), doses(2), motor(0.03, 0.15)])
+def test_bounds_that_run_are_as_narrow_as_claimed(body: dict[str, Any]) -> None:
+    """Whatever the clocks do inside what is stated: random times, ends of ranges, lost samples."""
+    design = obsdesign.design(Problem.from_dict(body))
+    evidence = next(c.evidence for c in design.claims if c.id == "event_width")
+    always, observer = np.array(evidence["always"]), from_design(design)
+    n, until = len(always), 12.0 if body["name"] == "motor" else 100.0
+    for seed in range(2):
+        run = simulate(
+            Problem.from_dict(body).plant, until=until, disturbance="random",
+            rng=np.random.default_rng(seed),
+        )  # fmt: skip
+        rows = list(rows_of(run.t, run.block("y"), w=run.block("w"), jump=run.happened))
+        start: Any = {"lower": -np.ones(n), "upper": np.ones(n)}
+        state = observer.init(rows[0].t, **start)  # type: ignore[attr-defined]
+        listed = list(observer.run(state, rows))[2 * len(rows) // 3 :]
+        widths = np.array([one.upper - one.lower for one in listed])  # type: ignore[operator]
+        assert (widths <= always * (1 + 1e-9)).all()
+        assert {one.status for one in listed} == {"ok"}
+
+
+def test_a_gap_above_the_time_between_events_is_not_counted_on() -> None:
+    reason = claims_of(two_states((0.9, 1.0), 0.95))["event_width"].evidence["reason"]
+    assert "sensor level may be silent for 0.95, longer than the shortest time 0.9" in reason
+    assert claims_of(two_states((1.5, 2.0), 1.6))["event_width"].verdict == "proved"  # without it
+
+
+def test_a_sensor_of_any_time_is_not_counted_on() -> None:
+    body = positioning(0.3, 5)
+    body["sensor"][1]["every"] = [0, "inf"]
+    for claim in ("event_stability", "event_width"):
+        reason = claims_of(body)[claim].evidence["reason"]
+        assert "sensor gps may be silent for any time, and is not counted on" in reason
+
+
+def test_an_event_that_may_stay_away_needs_a_flow_that_decays() -> None:
+    body = two_states((1, 2), 0.2)
+    body["event"][0]["every"] = [1, "inf"]
+    assert claims_of(body)["event_width"].verdict == "proved"
+    body["flow"]["A"] = [[0, 0], [1, -2]]
+    assert "has no longest time" in claims_of(body)["event_stability"].evidence["reason"]
+
+
+def test_a_sensor_that_is_read_at_the_event_is_part_of_it() -> None:
+    """At every jump: stable where no sample of its own is; twin: without it not."""
+    body = two_states((1.05, 1.2), 5.0)
+    assert not is_stable(body, 1)
+    for sees in ("before", "after"):
+        more = copy.deepcopy(body)
+        more["sensor"].append({"name": "at_hit", "C": [[0, 1]], "noise_bound": 0.03, "at": "hit"})
+        more["sensor"][1]["sees"] = sees
+        assert is_stable(more, 1)
+
+
+def test_two_sensors_together_do_what_none_does_alone() -> None:
+    """Both orders of the last samples; twins: each of them alone, and gaps that are too long."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[-0.5, 0.3, 0], [0.2, -0.4, 0.3], [0.1, 0, -0.3]]},
+        "event": [{"name": "hit", "G": (3 * np.eye(3)).tolist(), "every": [1.2, 2]}],
+        "sensor": [
+            {"name": "a", "C": [[1, 0, 0]], "noise_bound": 0.1, "every": [0, 0.1]},
+            {"name": "b", "C": [[0, 1, 0]], "noise_bound": 0.1, "every": [0, 0.3]},
+            {"name": "c", "C": [[0, 0, 1]], "noise_bound": 0.1, "at": "hit"},
+        ],
+        "observer": {"kind": "interval"},
+    }
+    assert is_stable(body, 2)
+    for place in (0, 1):
+        alone = copy.deepcopy(body)
+        del alone["sensor"][place]
+        assert not is_stable(alone, 4)
+
+
+@pytest.mark.parametrize("body", [two_states((2, 3), 0.5), motor(0.03, 0.15)])
+@pytest.mark.parametrize("name", ["event_stability", "event_width"])
+def test_a_forged_tube_is_not_believed(body: dict[str, Any], name: str) -> None:
+    design = obsdesign.design(Problem.from_dict(body))
+    assert obsdesign.verify(design).verdict == "proved"
+    claim = next(c for c in design.claims if c.id == name)
+    tube = np.array(claim.evidence["tube"])
+    smaller = np.where(np.arange(tube.size).reshape(tube.shape) == 1, 1e-6 * tube, tube)
+    forgeries: list[dict[str, Any]] = [
+        {"tube": smaller.tolist()}, {"tube": (-tube).tolist()}, {"tube": tube.tolist()[:-1]},
+        {"tube": [["x"]]}, {"cells": 10**6}, {"cells": True},
+    ]  # fmt: skip
+    if "always" in claim.evidence:
+        forgeries.append({"always": (0.99 * np.array(claim.evidence["always"])).tolist()})
+    for forged in forgeries:
+        changed = replace(claim, evidence={**claim.evidence, **forged})
+        claims = tuple(changed if c.id == name else c for c in design.claims)
+        assert obsdesign.verify(replace(design, claims=claims)).verdict != "proved", forged
+
+
+def test_a_tube_of_other_clocks_is_not_believed() -> None:
+    """The graph is made from the problem: a tube for samples twice as often proves nothing."""
+    good, bad = (obsdesign.design(Problem.from_dict(motor(gap, 0.15)), allow_undecided=True)
+                 for gap in (0.015, 0.03))  # fmt: skip
+    assert obsdesign.verify(replace(bad, claims=good.claims)).verdict != "proved"
