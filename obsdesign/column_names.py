@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping
 TIME, JUMP, STATUS = "t", "jump", "status"
 # names of the events of a row, where events have names
 EVENT = "event"
+# the mode from a row on
+MODE = "mode"
 # measurements, known inputs of the flow, known inputs of jumps; empty where there is none
 SIGNALS = ("y", "u", "w")
 # bounds of a row: of the flow's disturbance, of the jump's, of the noise; empty: as declared
