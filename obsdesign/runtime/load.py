@@ -101,15 +101,17 @@ def _same_plant(design: Design) -> None:
 def _same_modes(design: Design) -> None:
     """InputError when the gains of modes are for other modes than the design names."""
     stated, listed = design.problem.get("mode"), design.gains.get("modes")
-    pairs, flow = [], design.problem.get("flow")
+    pairs, blocks = [], plain_blocks(design.problem)
+    flow, output = (blocks.get(name, {}) for name in ("flow", "output"))
     if isinstance(stated, list) and isinstance(listed, list) and len(stated) == len(listed):
         pairs = list(zip(listed, stated, strict=True))
-    tables = [flow, *(x for pair in pairs for x in pair)]
+    tables = [flow, output, *(x for pair in pairs for x in pair)]
     if not all(isinstance(x, dict) for x in tables):
         pairs = []
     for own, mode in pairs:
-        for name in ("name", "every", "A", "B"):
-            wanted = mode.get(name, (flow or {}).get(name))
+        shared = {**flow, "C": output.get("C")}
+        for name in ("name", "every", "A", "B", "C"):
+            wanted = mode.get(name, shared.get(name))
             if not same(jsonable(own.get(name)), jsonable(wanted)):
                 pairs = []
     if not pairs:
