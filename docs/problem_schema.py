@@ -11,6 +11,7 @@ from typing import Any
 
 from obsdesign.kinds import GAINS, KINDS, WITH_NAMED_GAINS
 from obsdesign.problem.clocks import Event, Sensor
+from obsdesign.problem.modes import Mode
 from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF
 from obsdesign.problem.plant import Flow, Jump, Output
 from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
@@ -27,6 +28,10 @@ HEAD = {
     "if": {"anyOf": [{"required": ["event"]}, {"required": ["sensor"]}]},
     "then": {"required": ["sensor"], "properties": {"jump": {"not": {}}, "output": {"not": {}}}},
     "else": {"required": ["output"]},
+    # modes may all have their own A
+    "allOf": [
+        {"if": {"required": ["mode"]}, "else": {"properties": {"flow": {"required": ["A"]}}}}
+    ],
     "additionalProperties": False,
 }
 NAME = {"type": "string", "title": "a text", "description": "What the plant is called."}
@@ -38,6 +43,7 @@ BLOCKS = {
 CLOCKS = {
     "event": (Event, "A jump by a name of its own, as [jump], on a clock of its own."),
     "sensor": (Sensor, "An output by a name of its own, as [output], on a clock of its own."),
+    "mode": (Mode, "What differs in a mode from [flow] and the sensor, and how long it lasts."),
 }
 KIND = {
     "enum": list(KINDS),
@@ -82,6 +88,7 @@ def schema() -> dict[str, Any]:
         }
         for name, about in CLOCKS.items()
     }  # fmt: skip
+    del blocks["flow"]["required"]  # A, unless modes have their own
     kinds = {kind: _kind(kind) for kind in KINDS}
     return {
         **HEAD,

@@ -13,6 +13,8 @@ TIME, JUMP, STATUS = "t", "jump", "status"
 EVENT = "event"
 # when a row arrived
 RECEIVED = "received"
+# the mode from a row on
+MODE = "mode"
 # measurements, known inputs of the flow, known inputs of jumps; empty where there is none
 SIGNALS = ("y", "u", "w")
 # bounds of a row: of the flow's disturbance, of the jump's, of the noise; empty: as declared

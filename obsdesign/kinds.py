@@ -35,9 +35,9 @@ class Kind:
     observer: str
     gains: Mapping[str, tuple[str, str]]
 
-    def module(self, role: Role) -> str:
-        """Name of the module that plays a role."""
-        return f"obsdesign.{LAYERS[role]}.{self.name}.{role}"
+    def module(self, role: Role, *, has_modes: bool = False) -> str:
+        """Name of the module that plays a role; has_modes: for plants with modes."""
+        return f"obsdesign.{LAYERS[role]}.{self.name}.{'modes' if has_modes else role}"
 
 
 _TABLE = (
@@ -74,6 +74,8 @@ GIVING_BOUNDS = ("interval", "set_membership")
 # gains for each by its name
 TAKING_CLOCKS = ("interval", "set_membership")
 WITH_NAMED_GAINS = ("interval",)
+# kinds that take modes: each has modules `modes` in synthesis and verification
+TAKING_MODES = ("interval", "luenberger")
 
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")

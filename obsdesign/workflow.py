@@ -18,7 +18,7 @@ from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from, state_rows
-from obsdesign.verification.kind import verification_of
+from obsdesign.verification.kind import verification_for
 from obsdesign.version import provenance
 
 _Key = TypeVar("_Key", bound=Hashable)
@@ -182,7 +182,7 @@ def _tried(
 ) -> tuple[list[_Tried], Candidate | None]:
     """Candidates with what was proved of them; and the next one where time ended before it."""
     started = time.perf_counter()
-    verification = verification_of(problem.require_kind())
+    verification = verification_for(problem)
     candidates, tried = iter(candidates_of(problem, budget, constraints)), list[_Tried]()
     while True:
         is_over = bool(tried) and budget.remaining() < 0
@@ -281,11 +281,11 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     claim `document` compares what the design states with what was proved. InputError where
     problem and kind of the design do not agree.
     """
-    verification = verification_of(design.kind)
     with naming("the problem inside the design"):
         problem = Problem.from_dict(design.problem)
         if problem.require_kind() != design.kind:
             raise InputError(f"problem.observer.kind is {problem.kind!r}, kind is {design.kind!r}.")
+        verification = verification_for(problem)
     certificates = {claim.id: claim.evidence for claim in design.claims}
     try:
         claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)

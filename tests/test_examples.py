@@ -40,7 +40,9 @@ def test_an_example_is_proved_and_runs(path: Path) -> None:
     initial = bounds if design.kind in GIVING_BOUNDS else None
     state = observer.start(float(record.t[0]), initial)
     given = {letter: record.block(letter) for letter in "uw" if record.block(letter).size}
-    samples = rows_of(record.t, record.block("y"), **given, jump=record.columns.get("jump"))
+    samples = rows_of(
+        record.t, record.block("y"), **given, jump=record.columns.get("jump"), mode=record.mode
+    )
     estimates = list(observer.run(state, samples))
     assert len(estimates) == len(record.t)
     assert estimates[-1].status == "ok"
@@ -62,8 +64,9 @@ def test_an_example_of_impulses_is_proved_and_finds_them(name: str) -> None:
         assert event.weights[0] == pytest.approx(weight, rel=0.02 if std.any() else 1e-4)
 
 
-ONE_CLOCK = [x for x in of_kind("interval") if obsdesign.load_problem(x).plant.has_one_clock]
-SEVERAL_CLOCKS = [path for path in of_kind("interval") if path not in ONE_CLOCK]
+PLANTS = {path: obsdesign.load_problem(path).plant for path in of_kind("interval")}
+ONE_CLOCK = [path for path, plant in PLANTS.items() if plant.has_one_clock and not plant.modes]
+SEVERAL_CLOCKS = [path for path, plant in PLANTS.items() if not plant.has_one_clock]
 
 
 @pytest.mark.parametrize("disturbance", ["extreme", "random"])

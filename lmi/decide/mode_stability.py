@@ -32,7 +32,7 @@ def decide_modes(modes: Modes, *, budget: TimeBudget = UNLIMITED) -> Verdict:
     word = refuted_by_word(modes, few.stays, budget=budget)
     if word.outcome == "refuted":
         return word
-    cells = find_modes(modes, start=few, budget=budget)
+    cells = few if few.is_exhausted else find_modes(modes, start=few, budget=budget)
     if cells.verdict.outcome == "proved":
         return cells.verdict
     growth = {k: word.evidence[k] for k in ("stays", "spectral_radius") if k in word.evidence}

@@ -25,7 +25,7 @@ from lmi.verdict import Verdict, undecided
 _POINTS = 400
 _CELLS = 8
 _TURNS = 4
-_BOXES = 6000
+_BOXES = 3000  # a proof that needs more is not worth the wait, nor are cells that need more of them
 # cells are no thinner than this part of all stays in a mode
 _THIN = 0.02
 
@@ -38,6 +38,11 @@ class ModeSearch:
     stays: tuple[tuple[int, float], ...]
     cells: tuple[ModeCell, ...]
     coordinates: Array | None = None
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Did a proof end by its number of boxes?"""
+        return bool(self.verdict.evidence.get("boxes", 0) >= _BOXES)
 
 
 def find_modes(
@@ -69,7 +74,7 @@ def find_modes(
         if attempt.outcome == "proved" or len(cells) >= most or budget.remaining() < 0:
             limit = budget.ended() or ended_by_count("cells", most)
             return result if attempt.outcome == "proved" else _ended(result, limit)
-        finer = _cut(modes, cells, edges, proposal)
+        finer = None if result.is_exhausted else _cut(modes, cells, edges, proposal)
         if finer is None:
             return result
         cells, parents = finer
@@ -109,7 +114,7 @@ def _solved(
             return proposal, Verdict("proved", evidence, proposal.solvers)
         attempt, theta = verdict, verdict.evidence.get("theta")
         pair = verdict.evidence.get("edge", [-1, -1])
-        if theta is None:
+        if theta is None or verdict.evidence.get("boxes", 0) >= _BOXES:
             break
         failing = [k for k, e in enumerate(edges) if [e.source, e.target] == pair]
         new = [(k, float(theta)) for k in failing]

@@ -109,12 +109,14 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
               shell_complete=one_of(*SEARCHES),
               help=", ".join(SEARCHES) + ".")  # fmt: skip
 @KIND
+@click.option("--of", "mode", metavar="MODE",
+              help="The mode whose stays are searched.  [default: all]")  # fmt: skip
 @click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True, help="Relative width.")
 @time_option()
 @AS_JSON
 def search(
-    *, problem: str, what: str, kind: str | None, accuracy: float, seconds: float | None,
-    as_json: bool,
+    *, problem: str, what: str, kind: str | None, mode: str | None, accuracy: float,
+    seconds: float | None, as_json: bool,
 ) -> int:  # fmt: skip
     """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""
     from obsdesign.cli.answers import EXIT_CODES, answer, show_bracket
@@ -122,7 +124,7 @@ def search(
 
     loaded, dropped = problem_of(problem, kind)
     with progress_message("searching"), naming(problem):
-        outcome = searching.search(loaded, what, accuracy, seconds=seconds)
+        outcome = searching.search(loaded, what, accuracy, of=mode, seconds=seconds)
     _warn_of(kind, dropped, outcome)
     if as_json:
         click.echo(answer("search", outcome, outcome.result))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.jump_times import jump_times, random_spacings
+from obsdesign.data.mode_times import ModeTimes, longest_stay, mode_times
 from obsdesign.errors import InputError
 from obsdesign.problem.clocks import Event, Every, Sensor
 from obsdesign.problem.output import Output
@@ -28,11 +29,17 @@ Dwell = str | float | Sequence[float]
 
 @dataclass(frozen=True)
 class Instants:
-    """Times of all rows; which events happen (rows, events), which outputs are known (rows, p)."""
+    """Times of all rows; which events happen (rows, events), which outputs are known (rows, p).
+
+    modes: changes of mode, which are rows too; None without modes. received: when each row
+    arrives, None where all do at their time.
+    """
 
     times: Matrix
     happens: NDArray[np.bool_]
     is_measured: NDArray[np.bool_]
+    modes: ModeTimes | None = None
+    received: Matrix | None = None
 
 
 def instants_of(
@@ -53,7 +60,8 @@ def instants_of(
     has_grid = step is not None or any(always) or _period(plant) > 0
     # of several clocks t = 0 is a row, where nothing has happened yet
     grid = _grid(spacing, until) if has_grid else np.zeros(0 if plant.has_one_clock else 1)
-    listed = [*events, *samples, grid]
+    changes = mode_times(plant.modes, dwell, until, rng) if plant.modes else None
+    listed = [*events, *samples, np.zeros(0) if changes is None else changes.times, grid]
     times, rows = _merged(listed, _SAME_INSTANT * spacing)
     if any(len(np.unique(own)) < len(own) for own in rows) or not (np.diff(times) > 0).all():
         raise InputError(
@@ -64,10 +72,12 @@ def instants_of(
     for k, own in enumerate(rows[: len(events)]):
         happens[own, k] = True
     measured = np.zeros((len(times), len(samples)), bool)
-    for k, own in enumerate(rows[len(events) : -1]):
+    if changes is not None:  # a row of the grid next to a change is the change
+        changes = replace(changes, times=times[rows[-2]])
+    for k, own in enumerate(rows[len(events) : -2]):
         measured[own, k] = True
         measured[:, k] |= always[k]
-    return Instants(times, happens, _outputs_measured(plant, happens, measured))
+    return Instants(times, happens, _outputs_measured(plant, happens, measured), changes)
 
 
 def arrival_times(plant: Plant, instants: Instants, rng: np.random.Generator) -> Matrix | None:
@@ -144,6 +154,8 @@ def _merged(listed: Sequence[Matrix], least: float) -> tuple[Matrix, list[NDArra
 
 def default_until(plant: Plant, dwell: Dwell) -> float:
     """Ten dwell times where there are jumps, else 200 samples or what the slowest mode takes."""
+    if plant.modes:
+        return _LASTING * longest_stay(plant.modes)
     if not plant.has_one_clock:
         return _several_cycles(plant)
     if isinstance(dwell, int | float) and plant.jump is not None:

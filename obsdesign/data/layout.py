@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lmi.arithmetic.arrays import Entries
-from obsdesign.column_names import TIME, data_columns, numbered
+from obsdesign.column_names import MODE, TIME, data_columns, numbered
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.document import Design
 from obsdesign.runtime.base import Observer
@@ -19,7 +19,8 @@ class Layout:
 
     bounds: declared ones that columns of a row may narrow, None where none are used; unused:
     letters of those that stay as declared. clocks: of named events and sensors, whose columns stand
-    for y, w and jump; may_repeat: rows may share a time, and act in the order of the file.
+    for y, w and jump; may_repeat: rows may share a time, and act in the order of the file; modes:
+    names in the column `mode`, none where the plant has none.
     """
 
     y: int
@@ -30,6 +31,7 @@ class Layout:
     unused: str = ""
     clocks: ClockColumns | None = None
     may_repeat: bool = False
+    modes: tuple[str, ...] = ()
 
     @staticmethod
     def from_reads(reads: Mapping[str, int]) -> Layout:
@@ -45,7 +47,10 @@ class Layout:
         """
         layout, bounds = Layout.from_reads(observer.reads), observer.declared_bounds
         clocks = ClockColumns.from_problem(design.problem, has_events=layout.jump)
-        layout = replace(layout, clocks=clocks, may_repeat="sensors" in design.gains)
+        modes = tuple(mode["name"] for mode in design.problem.get("mode", ()))
+        layout = replace(
+            layout, clocks=clocks, may_repeat="sensors" in design.gains, modes=modes
+        )  # fmt: skip
         if bounds is None:
             return layout
         folded = [
@@ -60,9 +65,10 @@ class Layout:
 
     def columns(self, header: Sequence[str] = ()) -> tuple[str, ...]:
         """Columns that a file with this header must have, in their usual order."""
+        modes = (MODE,) if self.modes else ()
         if self.clocks is not None:
-            return (TIME, *numbered("u", self.u), *self.clocks.required(header))
-        return data_columns({"y": self.y, "u": self.u, "w": self.w}, self.jump)
+            return (TIME, *numbered("u", self.u), *self.clocks.required(header), *modes)
+        return (*data_columns({"y": self.y, "u": self.u, "w": self.w}, self.jump), *modes)
 
     @property
     def lag(self) -> float:

@@ -17,7 +17,7 @@ from typing import TextIO
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
-from obsdesign.column_names import RECEIVED, numbered
+from obsdesign.column_names import MODE, RECEIVED, numbered
 from obsdesign.data.arrivals import Arrivals, Remark
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.data.clock_columns import ClockColumns
@@ -129,6 +129,9 @@ class _Header:
                 f"got {len(cells)}."
             )
         sample = _sample(cells, self.places, self.layout, where)
+        if self.layout.modes and sample.mode is None and previous == -math.inf:
+            known = ", ".join(self.layout.modes)
+            raise InputError(f"{where}: mode is required in the first row ({known}).")
         if self.bounds is not None and self.bounds.titles:
             sample = sample._replace(bounds=self.bounds.of_row(cells, where))
         if self.layout.clocks is None and not self.layout.jump and "jump" in self.titles:
@@ -240,6 +243,7 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
     t = number("t")
     if t is None:
         raise InputError(f"{where}: t must be a finite number; it is empty.")
+    mode = _mode(cells, places, layout, where)
     if layout.clocks is not None:
         row = layout.clocks.of_row(cells, places, where)
         u, happens = whole("u", layout.u), bool(row.events)
@@ -248,7 +252,8 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
                 f"{where}: {RECEIVED} must be at least t, {t!r}; got {row.received!r}. Does it "
                 "hold times, and not delays?"
             )
-        return Sample(t, row.y, u, row.w, happens, events=row.events, received=row.received)
+        return Sample(t, row.y, u, row.w, happens, events=row.events, received=row.received,
+                      mode=mode)  # fmt: skip
     jump = number("jump") if layout.jump else 0.0
     if jump not in (0.0, 1.0):
         raise InputError(f"{where}: jump must be 0 or 1; got {cells[places['jump']]!r}.")
@@ -258,7 +263,16 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
     outputs = group("y", layout.y)
     is_missing = all(value is None for value in outputs)
     y = None if is_missing else np.array(outputs, dtype=np.float64)  # NaN for an empty entry
-    return Sample(t, y, whole("u", layout.u), w, bool(jump))
+    return Sample(t, y, whole("u", layout.u), w, bool(jump), mode=mode)
+
+
+def _mode(cells: list[str], places: dict[str, int], layout: Layout, where: str) -> str | None:
+    """The mode that a line names; None where it is empty, or the plant has no modes."""
+    name = cells[places[MODE]].strip() if layout.modes else ""
+    if name and name not in layout.modes:
+        known = ", ".join(layout.modes)
+        raise InputError(f"{where}: mode must be one of {known}, or empty; got {name!r}.")
+    return name or None
 
 
 def read_columns(path: str) -> dict[str, list[str]]:

@@ -7,7 +7,7 @@ matrix: x' = A x + c + sum of columns times sines, c' = 0, and an oscillator for
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,12 @@ class Signals:
             constant += flow.D @ self.unknown_input.held[k]
         angles = np.concatenate([s.omega * t + s.phase for s in (self.flow, self.unknown_input)])
         return np.concatenate([x, constant, np.sin(angles), np.cos(angles)])
+
+    def with_inputs(self, other: Signals) -> Signals:
+        """These signals with the known and the unknown input of others of as many rows."""
+        d = other.unknown_input
+        generator = _generator(self.plant.flow, self.flow, d)
+        return replace(self, u=other.u, unknown_input=d, generator=generator)
 
     def jump(self, k: int, event: int) -> Matrix:
         """E w + H g + c of an event at row k."""

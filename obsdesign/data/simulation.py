@@ -7,14 +7,14 @@ plant, held inputs and signal generators, so that the record is the solution to 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.column_names import TIME
+from obsdesign.column_names import MODE, TIME
 from obsdesign.data.instants import Instants, arrival_times, default_until, instants_of
 from obsdesign.data.record_columns import record_columns
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
@@ -43,6 +43,11 @@ class Simulation:
     def t(self) -> Matrix:
         """Time stamps, (rows,)."""
         return self.columns[TIME]
+
+    @property
+    def mode(self) -> list[str] | None:
+        """The mode from each row on; None where the plant has no modes."""
+        return self.columns[MODE].tolist() if MODE in self.columns else None
 
     def block(self, letter: str) -> Matrix:
         """Signals y, u, w, x or d as one array (rows, number)."""
@@ -82,10 +87,21 @@ def simulate(
     step = None if step is None else positive(step, "step")
     instants = instants_of(plant, dwell, until, step, rng)
     source = signals(plant, disturbance, len(instants.times), rng)
+    sources = _of_modes(source, disturbance, instants, rng)
     with np.errstate(over="ignore", invalid="ignore"):
-        record = _trajectory(x, instants, source, announced, arrival_times(plant, instants, rng))
+        instants = replace(instants, received=arrival_times(plant, instants, rng))
+        record = _trajectory(x, instants, source, announced, sources)
     _require_finite(record)
     return record
+
+
+def _of_modes(
+    source: Signals, disturbance: str, instants: Instants, rng: np.random.Generator
+) -> list[Signals]:
+    """The signals of each mode, with the same inputs; none without modes."""
+    plant, rows = source.plant, len(instants.times)
+    own = [signals(plant.in_mode(k), disturbance, rows, rng) for k in range(len(plant.modes))]
+    return [each.with_inputs(source) for each in own]
 
 
 def _require_finite(record: Simulation) -> None:
@@ -105,43 +121,72 @@ def _initial(n: int, initial: ArrayLike | None) -> Matrix:
 
 
 def _trajectory(
-    x: Matrix, instants: Instants, source: Signals, announced: bool, received: Matrix | None
+    x: Matrix, instants: Instants, source: Signals, announced: bool, sources: Sequence[Signals]
 ) -> Simulation:
-    """Step from row to row; matrices are shared between equal steps."""
-    plant, n = source.plant, len(x)
-    C, after = plant.outputs.C, plant.sees_after
+    """Step from row to row; matrices are shared between equal steps.
+
+    sources: the signals of each mode, none where there are no modes.
+    """
+    plant, n, changes = source.plant, len(x), instants.modes
+    # a row's measurement belongs to the mode before
+    after = plant.sees_after & (changes is None)
     truth, outputs, events = [], [], []
-    cache: dict[float, Matrix] = {}
+    cache: dict[tuple[int, float], Matrix] = {}
     now = 0.0
+    leading = [0] * len(instants.times) if changes is None else changes.before(instants.times)
+    following = leading if changes is None else changes.at(instants.times)
     for k, t in enumerate(instants.times.tolist()):
-        h = t - now
+        h, mode = t - now, leading[k]
+        own = sources[mode] if sources else source
         if h > 0:
-            if h not in cache:
-                cache[h] = expm(source.generator * h)[:n]
-            x = cache[h] @ source.extended(x, k, now)
+            if (mode, h) not in cache:
+                cache[mode, h] = expm(own.generator * h)[:n]
+            x = cache[mode, h] @ own.extended(x, k, now)
         before = x
+        if following[k] != mode:
+            x = _entered(x, plant.modes[following[k]].entry_map)
         happening = np.flatnonzero(instants.happens[k]).tolist()
         for event in happening:
             x = np.asarray(plant.events[event].G @ x + source.jump(k, event))
         if any(plant.events[event].H is not None for event in happening):
             events.append([t, *source.weights_of(k, happening)])
+        C = own.plant.outputs.C
         clean = np.where(after, C @ x, C @ before)
-        outputs.append(source.measurement(clean, k, t, instants.is_measured[k]))
+        outputs.append(own.measurement(clean, k, t, instants.is_measured[k]))
         truth.append(x)
         now = t
+    names = [plant.modes[mode].name for mode in following] if plant.modes else None
+    return _record(instants, source, announced, (outputs, truth, events), names)
+
+
+def _record(
+    instants: Instants,
+    source: Signals,
+    announced: bool,
+    rows: tuple[Sequence[Matrix], Sequence[Matrix], Sequence[Sequence[float]]],
+    modes: Sequence[str] | None,
+) -> Simulation:
+    """The simulation of rows (outputs, states, impulses), and the mode of each row."""
+    plant, (outputs, truth, events) = source.plant, rows
     blocks = {
-        "y": np.array(outputs).reshape(len(instants.times), len(C)),
+        "y": np.array(outputs).reshape(len(instants.times), plant.p),
         "u": source.u,
         "w": np.where(source.of_inputs(instants.happens), source.w, np.nan),
-        "x": np.array(truth).reshape(-1, n),
+        "x": np.array(truth).reshape(-1, plant.n),
         "d": source.unknown(instants.times),
     }
     # impulses of unknown weight alone come unannounced
-    is_reported = announced or not all(_is_hidden(event, n) for event in plant.events)
+    is_reported = announced or not all(_is_hidden(event, plant.n) for event in plant.events)
     happened = instants.happens if is_reported else None
-    table = record_columns(plant, instants.times, blocks, happened, received)
+    table = record_columns(plant, instants.times, blocks, happened, instants.received)
+    table |= {} if modes is None else {MODE: np.array(modes)}
     weights = np.array(events).reshape(len(events), 1 + source.weights.shape[1])
     return Simulation(table, weights, blocks, happened)
+
+
+def _entered(x: Matrix, G: Matrix | None) -> Matrix:
+    """The state after the map on entry into a mode, None for the identity."""
+    return x if G is None else np.asarray(G @ x)
 
 
 def _is_hidden(event: Jump, n: int) -> bool:

@@ -262,7 +262,7 @@ def _sized(name: str, shape: _Shape, value: Value, sizes: dict[str, int]) -> Arr
         raise ValueError(f"{name} must have shape {expected} ({shape}); got shape {array.shape}.")
     if not shape.axes:
         return float(array)
-    if name != "gains.dwell_time" and not np.isfinite(array).all():
+    if name not in ("gains.dwell_time", "gains.every") and not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite.")
     array.setflags(write=False)
     return array

@@ -74,6 +74,7 @@ def control_estimator(design: Design) -> Any:
     gains, why = design.gains, _NOT_LINEAR.get(design.kind)
     if design.kind == "luenberger" and "G" in gains:
         why = "its estimate jumps with the plant; a state-space model does not"
+    why = "its gains change with the mode" if "modes" in gains else why
     if why is not None:
         raise InputError(
             f"a control estimator exists for kind 'luenberger' without jumps; this design is of "

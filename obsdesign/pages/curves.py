@@ -69,6 +69,8 @@ def curve_of(design: Design) -> Curve | None:
 
     What its caption calls proved rests on the verdicts of `design.claims`.
     """
+    if "modes" in design.gains:  # no single map shows how modes take turns
+        return None
     curve = {
         "interval": _interval,
         "set_membership": _nothing_to_show,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 
@@ -83,7 +84,7 @@ def page(
     template = environment.from_string(
         files("obsdesign").joinpath("pages/report.html").read_text("utf-8")
     )
-    shown = {name: value for name, value in design.gains.items() if _is_matrix(value)}
+    shown = _matrices(design.gains)
     return template.render(
         design=design,
         kind_words=_KINDS[design.kind],
@@ -108,6 +109,14 @@ def page(
     )  # fmt: skip
 
 
+def _matrices(gains: Entries) -> Entries:
+    """The matrices among gains; those of modes with the name of their mode."""
+    listed = dict(gains)
+    for mode in listed.pop("modes", ()):
+        listed |= {f"{name} ({mode['name']})": value for name, value in mode.items()}
+    return {name: value for name, value in listed.items() if _is_matrix(value)}
+
+
 def _is_matrix(value: object) -> bool:
     return isinstance(value, np.ndarray) and value.ndim in (1, 2) and value.size > 0
 
@@ -121,9 +130,10 @@ def _plant_words(problem: Problem) -> str:
     plant = problem.plant
     words = [f"{plant.n} states", f"{plant.p} output{'s' * (plant.p > 1)}"]
     if plant.has_tables:
-        for what, listed in (("event", plant.events), ("sensor", plant.sensors)):
-            names = ", ".join(one.name for one in listed)
-            words += [f"{len(listed)} {what}{'s' * (len(listed) > 1)} ({names})"] if names else []
+        words += _named("event", [event.name for event in plant.events])
+        words += _named("sensor", [sensor.name for sensor in plant.sensors])
+    words += _named("mode", [mode.name for mode in plant.modes])
+    if plant.has_tables:
         return ", ".join(words)
     if plant.jump is not None and plant.jump.dwell_time is not None:
         low, high = plant.jump.dwell_time
@@ -131,6 +141,12 @@ def _plant_words(problem: Problem) -> str:
     if plant.output.period is not None:
         words.append(f"a sample every {plant.output.period:g}")
     return ", ".join(words).replace("1 states", "1 state")
+
+
+def _named(what: str, names: Sequence[str]) -> list[str]:
+    """Words like 2 modes (open, closed); nothing without any."""
+    listed = ", ".join(names)
+    return [f"{len(names)} {what}{'s' * (len(names) > 1)} ({listed})"] if names else []
 
 
 def _claim(claim: Claim) -> NewEntries:

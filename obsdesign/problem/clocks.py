@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from obsdesign.column_names import signal_columns
 from obsdesign.entries import is_number, positive, real, shown
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import set_fields
+from obsdesign.problem.names import NAME_SCHEMA, RESERVED, check_name
 from obsdesign.problem.output import IRREGULAR, Output
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import NONNEGATIVE, file_entry, one_of, ref, whole_number
@@ -22,10 +22,6 @@ from obsdesign.problem.time_ranges import time_range
 Every = float | tuple[float, float]
 CONTINUOUS = "continuous"
 SEES = ("before", "after")
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
-# titles of other columns: time, numbered signals, their bounds, words of the format
-_RESERVED = re.compile(r"t|[a-z]\d+(_.*)?|jump|event|mode|status|received")
-_NAME_SCHEMA = {"type": "string", "title": "a name: small letters, digits and _"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,7 +33,7 @@ class Event(Jump):
     Otherwise as `Jump`.
     """
 
-    name: str = file_entry(_NAME_SCHEMA, "Name of the event, and of its column in data.")
+    name: str = file_entry(NAME_SCHEMA, "Name of the event, and of its column in data.")
     every: Every | None = file_entry(
         ref("every"), "Time since the last event of this name: a number, or [shortest, longest].",
         default=None,
@@ -78,7 +74,7 @@ class Sensor(Output):
     """
 
     is_named: ClassVar[bool] = True
-    name: str = file_entry(_NAME_SCHEMA, "Name of the sensor, and of its column in data.")
+    name: str = file_entry(NAME_SCHEMA, "Name of the sensor, and of its column in data.")
     every: Every | str | None = file_entry(
         ref("sensor_every"),
         'Time between two samples: a number, [shortest, longest], or "continuous".',
@@ -94,7 +90,7 @@ class Sensor(Output):
         whole=True,
     )
     at: str | None = file_entry(
-        _NAME_SCHEMA, "Name of the event at which it is read, instead of every.", default=None
+        NAME_SCHEMA, "Name of the event at which it is read, instead of every.", default=None
     )
     report_delay: float = file_entry(
         NONNEGATIVE, "Longest time until a row with its sample arrives; default 0.", default=0.0
@@ -191,16 +187,6 @@ def _range(values: Value, entry: str) -> tuple[float, float] | None:
     return time_range(values, entry, "time")
 
 
-def check_name(name: str, block: str) -> None:
-    """InputError unless an event or a sensor may be called so."""
-    if not _NAME.fullmatch(name):
-        raise InputError(
-            f"{block}.name must be a small letter, then small letters, digits and _; got {name!r}."
-        )
-    if _RESERVED.fullmatch(name):
-        raise InputError(f"{block}.name: {name!r} is kept for other columns of data files.")
-
-
 def check_clocks(events: Sequence[Event], sensors: Sequence[Sensor]) -> None:
     """InputError where names meet, or a sensor is read at an event that is none."""
     titles = Counter[str]()
@@ -213,7 +199,7 @@ def check_clocks(events: Sequence[Event], sensors: Sequence[Sensor]) -> None:
             raise InputError(
                 f"events and sensors must differ in name; column {title!r} is doubled."
             )
-        if _RESERVED.fullmatch(title):
+        if RESERVED.fullmatch(title):
             raise InputError(
                 f"column {title!r} of an event or sensor has the name of another column."
             )

@@ -9,13 +9,14 @@ from dataclasses import fields
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from obsdesign.problem.modes import Mode
 from obsdesign.problem.plant import Flow, Jump, Output
 from obsdesign.problem.schema import entry_name
 
 
 def as_block(value: Value) -> Value:
     """Dataclasses and arrays as the plain dicts and lists of a file."""
-    if isinstance(value, Flow | Jump | Output):
+    if isinstance(value, Flow | Jump | Output | Mode):
         stated = [x.name for x in fields(value) if entry_name(x) or x.name == "upper"]
         names = [name for name in stated if getattr(value, name) is not None]
         block = {name: as_block(getattr(value, name)) for name in names}

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import JUMP
 from obsdesign.entries import matrix, missing_entry, real, require_shape, size_text
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, naming
 from obsdesign.problem.blocks import DisturbedBlock, set_fields
+from obsdesign.problem.modes import Mode, check_modes
 from obsdesign.problem.output import IRREGULAR, stacked
 from obsdesign.problem.output import Output as Output
 from obsdesign.problem.schema import DWELL_RANGE, file_entry, ref
@@ -161,17 +162,23 @@ class Plant:
     """Flow, events and sensors of n states and p measurements, those of all sensors together.
 
     jump: one jump, its several events, or None: the plant never jumps; output: one, or several
-    sensors. InputError where their sizes differ, or y is measured at jumps and there are none.
+    sensors; modes: flows that take turns, then without jumps, none by default. InputError where
+    their sizes differ, or y is measured at jumps and there are none.
     """
 
     flow: Flow
     events: tuple[Jump, ...]
     sensors: tuple[Output, ...]
+    modes: tuple[Mode, ...]
     n: int
     p: int
 
     def __init__(
-        self, flow: Flow, jump: Jump | Sequence[Jump] | None, output: Output | Sequence[Output]
+        self,
+        flow: Flow,
+        jump: Jump | Sequence[Jump] | None,
+        output: Output | Sequence[Output],
+        modes: Sequence[Mode] = (),
     ) -> None:
         n, why = len(flow.A), f"one per state of flow.A ({size_text(flow.A)})"
         listed = (jump,) if isinstance(jump, Jump) else tuple(jump or ())
@@ -182,7 +189,39 @@ class Plant:
         if sensors[0].measured == "at_jumps" and not events:
             raise InputError(missing_entry("[jump]", "output.measured = 'at_jumps'"))
         p = sum(len(sensor.C) for sensor in sensors)
-        set_fields(self, flow=flow, events=events, sensors=sensors, n=n, p=p)
+        set_fields(self, flow=flow, events=events, sensors=sensors, modes=tuple(modes), n=n, p=p)
+        if modes:
+            self._check_modes()
+
+    def _check_modes(self) -> None:
+        check_modes(self.modes)
+        if self.events:
+            raise InputError(
+                f"[[mode]] may not be mixed with {'[[event]]' if self.has_tables else '[jump]'} in "
+                f"this version; a map at changes of mode is {self.modes[0].entry}.G."
+            )
+        flow, sensors = self.flow, self.sensors
+        m = 0 if flow.B is None else flow.B.shape[1]
+        for mode in self.modes:
+            if mode.C is not None and len(sensors) > 1:
+                raise InputError(f"{mode.entry}.C requires one sensor; got {len(sensors)}.")
+            mode.check_sizes(self.n, self.p, m, len(flow.lower))
+            self.in_mode(self.modes.index(mode))
+
+    def in_mode(self, place: int, *, entered: bool = False) -> Plant:
+        """The plant as it is in one mode, without any change of it.
+
+        entered: with the map on entry, where there is one, as its jump.
+        """
+        mode, flow, sensors = self.modes[place], self.flow, self.sensors
+        own = {key: getattr(mode, key) for key in ("A", "B", "lower", "upper")}
+        stated = {key: value for key, value in own.items() if value is not None}
+        with naming(mode.entry):
+            flow = replace(flow, **stated)
+            if mode.C is not None:
+                sensors = (replace(sensors[0], C=mode.C),)
+        jump = None if not entered or mode.entry_map is None else Jump(G=mode.entry_map)
+        return Plant(flow, jump, sensors)
 
     @property
     def jump(self) -> Jump | None:

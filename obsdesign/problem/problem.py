@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from operator import attrgetter
 from types import MappingProxyType
 from typing import TypeVar
@@ -21,6 +22,7 @@ from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
 from obsdesign.problem.clocks import Event, Sensor, check_clocks
 from obsdesign.problem.file import read_problem_file
+from obsdesign.problem.modes import Mode
 from obsdesign.problem.named_gains import nested
 from obsdesign.problem.options_base import Options
 from obsdesign.problem.plain import as_block, entries_of
@@ -30,7 +32,7 @@ from obsdesign.problem.schema_errors import check_structure
 Blocks = Entries
 _Options = TypeVar("_Options", bound=Options)
 
-_KEYS = ("name", "flow", "jump", "output", "event", "sensor", "observer")
+_KEYS = ("name", "flow", "jump", "output", "event", "sensor", "mode", "observer")
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -39,7 +41,8 @@ class Problem:
 
     Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file
     (docs/problem_file.md); arrays may be numpy arrays. event, sensor: lists of blocks, in place of
-    jump and output where there are several, or they have clocks of their own. gains: by name, in
+    jump and output where there are several, or they have clocks of their own; mode: list of blocks
+    of flows that take turns. gains: by name, in
     the shapes of the kind (L (n, p), M (n, p), ...). InputError for anything a problem file may not
     hold; one line, which entry, what was required, what arrived.
     """
@@ -60,9 +63,10 @@ class Problem:
         *,
         event: Sequence[Event | Blocks] | None = None,
         sensor: Sequence[Sensor | Blocks] | None = None,
+        mode: Sequence[Mode | Blocks] | None = None,
     ) -> None:
         plain: NewEntries = {"name": name, "flow": flow, "output": output, "jump": jump}
-        plain |= {"event": event, "sensor": sensor, "observer": observer}
+        plain |= {"event": event, "sensor": sensor, "mode": mode, "observer": observer}
         body: NewEntries = {
             key: as_block(value)
             for key, value in plain.items()
@@ -107,6 +111,7 @@ class Problem:
             blocks |= {"event": plant.events or None, "sensor": plant.sensors}
         else:
             blocks |= {"jump": plant.jump, "output": plant.output}
+        blocks |= {"mode": plant.modes or None}
         body: NewEntries = {"name": self.name}
         body |= {name: as_block(block) for name, block in blocks.items() if block is not None}
         observer = {} if self.kind is None else {"kind": self.kind}
@@ -194,6 +199,21 @@ class Problem:
             body["jump"]["dwell_time"] = jsonable([low, high])
         return Problem.from_dict(body)
 
+    @cached_property
+    def in_modes(self) -> tuple[Problem, ...]:
+        """A problem for each mode: its plant without changes of mode, and its gains."""
+        observer = self.to_dict().get("observer", {})
+        problems = []
+        for place, mode in enumerate(self.plant.modes):
+            plant = self.plant.in_mode(place)
+            blocks: NewEntries = {"flow": plant.flow}
+            names = ("sensor", plant.sensors) if plant.has_tables else ("output", plant.output)
+            blocks |= {names[0]: names[1]}
+            gains = {**observer.get("gains", {}), **mode.gains}
+            body = {key: as_block(block) for key, block in blocks.items()}
+            problems.append(Problem(**body, observer={**observer, "gains": gains}, name=self.name))
+        return tuple(problems)
+
     def for_kind(self, kind: str) -> tuple[Problem, list[str]]:
         """The same plant for another kind, and the gains and options that were dropped."""
         observer, dropped = observer_options.for_kind(self.to_dict().get("observer", {}), kind)
@@ -224,14 +244,28 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
 
 def _plant(body: Entries) -> Plant:
     """The plant of a problem as plain dicts and lists."""
-    flow = Flow(**entries_of(body["flow"]))
+    listed = [Mode(**entries_of(block)) for block in body.get("mode", ())]
+    given = entries_of(body["flow"])
+    if "A" not in given:
+        given["A"] = _first_of_all(body["mode"])
+    flow = Flow(**given)
     if "sensor" not in body:
         jump = Jump(**entries_of(body["jump"])) if "jump" in body else None
-        return Plant(flow, jump, Output(**body["output"]))
+        return Plant(flow, jump, Output(**body["output"]), listed)
     events = [Event(**entries_of(block)) for block in body.get("event", ())]
     sensors = [Sensor(**entries_of(block)) for block in body["sensor"]]
     check_clocks(events, sensors)
-    return Plant(flow, events, sensors)
+    return Plant(flow, events, sensors, listed)
+
+
+def _first_of_all(modes: Sequence[Blocks]) -> Value:
+    """A of the first mode, in place of flow.A, where every mode has its own; else InputError."""
+    for block in modes:
+        if "A" not in block:
+            raise InputError(
+                f"flow.A is required, since mode.{block['name']} has no A; it is missing."
+            )
+    return modes[0]["A"]
 
 
 def _check_name(name: str) -> None:

@@ -16,7 +16,7 @@ from obsdesign.kinds import GAINS
 from obsdesign.problem.option_table import OPTIONS, owners
 
 # blocks of one jump and one output, and lists of named ones, which are not mixed
-_PLAIN, _LISTED = ("jump", "output"), ("event", "sensor")
+_PLAIN, _LISTED = ("jump", "output"), ("event", "sensor", "mode")
 # keys of [jump] and [output], and what says the same of a named one
 _OF_CLOCKS = {
     "dwell_time": "every", "measured": "every", "period": "every", "jump_measurement": "sees",
@@ -144,7 +144,7 @@ def _owners(body: Value) -> list[Value]:
 
 def _home(name: str, schema: Value, body: Value) -> str | None:
     """The only block that knows this name; None where none or several do."""
-    has_tables = any(title in body for title in _LISTED)
+    has_tables = any(title in body for title in ("event", "sensor"))
     blocks = {
         title: list(block.get("items", block).get("properties", {}))
         for title, block in schema["properties"].items()

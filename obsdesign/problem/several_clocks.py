@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from obsdesign.errors import DoesNotApply
-from obsdesign.kinds import TAKING_CLOCKS
+from obsdesign.kinds import TAKING_CLOCKS, TAKING_MODES
 
 _KINDS = ", ".join(TAKING_CLOCKS)
 
@@ -17,6 +17,16 @@ def require_one(what: str, names: Sequence[str]) -> None:
             f"one {what} is required here; the plant has {len(names)} ({', '.join(names)}). "
             f"Observers for several: {_KINDS}.",
             what,
+        )
+
+
+def require_no_modes(modes: Sequence[str], kind: str) -> None:
+    """DoesNotApply where there are modes and the kind does not take them."""
+    if modes and kind not in TAKING_MODES:
+        raise DoesNotApply(
+            f"kind {kind!r} has no modes; the plant has {len(modes)} ({', '.join(modes)}). "
+            f"Observers for modes: {', '.join(TAKING_MODES)}.",
+            "mode",
         )
 
 

@@ -40,7 +40,8 @@ class Sample(NamedTuple):
     measurement (or before it, as the plant's `jump_measurement` has it). bounds: of b from t to the
     next row, of c at this jump, of v in this y; used by kinds with `declared_bounds` alone. events:
     of several, the places of those that happen; y, w are of all sensors and events, NaN without.
-    received: when the row arrived, None at its time.
+    received: when the row arrived, None at its time. mode: of a plant with modes, the name of the
+    one from this row on, None for the same.
     """
 
     t: float
@@ -51,6 +52,7 @@ class Sample(NamedTuple):
     bounds: Bounds | None = None
     events: tuple[int, ...] = ()
     received: float | None = None
+    mode: str | None = None
 
 
 class Estimate(NamedTuple):
@@ -146,16 +148,18 @@ class RecordRunner(ABC, Generic[State]):
         jump: ArrayLike | None = None,
         *,
         bounds: Bounds | None = None,
+        mode: Sequence[str | None] | None = None,
         **initial: ArrayLike | None,
     ) -> Batch:
         """Estimates of a whole record at once.
 
-        bounds: of b, c and v, (rows, ...) each. initial: arguments of `init` for the time of the
-        first row. ValueError for bounds that the kind does not use.
+        bounds: of b, c and v, (rows, ...) each; mode: of each row, None where it is unchanged.
+        initial: arguments of `init` for the time of the first row. ValueError for bounds that the
+        kind does not use.
         """
         if bounds is not None and self.declared_bounds is None:
             raise ValueError("bounds of b, c and v are not used by this kind of observer.")
-        record = Columns.from_arrays(t, y, u, w, jump, bounds=bounds)
+        record = Columns.from_arrays(t, y, u, w, jump, bounds=bounds, mode=mode)
         return self.batch(self.init(float(record.t[0]), **initial), record)
 
     def batch(self, state: State, record: Columns) -> Batch:
@@ -302,15 +306,19 @@ def rows_of(
     u: ArrayLike | None = None,
     w: ArrayLike | None = None,
     jump: ArrayLike | None = None,
+    *,
+    mode: Sequence[str | None] | None = None,
 ) -> Iterator[Sample]:
     """Samples from arrays with one row per time; NaN in y marks a missing sample."""
-    return samples_of(Columns.from_arrays(t, y, u, w, jump))
+    return samples_of(Columns.from_arrays(t, y, u, w, jump, mode=mode))
 
 
 def samples_of(record: Columns) -> Iterator[Sample]:
     """Rows of a record as samples."""
     absent = [None] * len(record.t)
-    y, u, w = (absent if block is None else block for block in (record.y, record.u, record.w))
-    bounds = absent if record.bounds is None else record.bounds
-    for row in zip(record.t.tolist(), y, u, w, record.happens, bounds, record.events, strict=True):
+    blocks = (record.y, record.u, record.w, record.bounds, record.mode)
+    y, u, w, bounds, mode = (absent if block is None else block for block in blocks)
+    happens, events, at_their_time = record.happens, record.events, absent
+    columns = (record.t.tolist(), y, u, w, happens, bounds, events, at_their_time, mode)
+    for row in zip(*columns, strict=True):
         yield Sample(*row)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,8 @@ class Columns:
     """t (rows,); y, u, w (rows, ...), None where a record has none; jump (rows,).
 
     jump (rows, events) where the plant has several events.
-    NaN in y marks a missing sample. bounds: those of each row, None where it has none.
+    NaN in y marks a missing sample. bounds: those of each row, None where it has none; mode: that
+    of each row, None where it is unchanged.
     """
 
     t: Matrix
@@ -34,6 +35,7 @@ class Columns:
     w: Matrix | None
     jump: NDArray[np.bool_]
     bounds: tuple[Bounds | None, ...] | None = None
+    mode: tuple[str | None, ...] | None = None
 
     @staticmethod
     def from_arrays(
@@ -44,6 +46,7 @@ class Columns:
         jump: ArrayLike | None = None,
         *,
         bounds: Bounds | None = None,
+        mode: Sequence[str | None] | None = None,
     ) -> Columns:
         """A record; ValueError without any row, and for arrays of other lengths than t."""
         times = np.asarray(t, dtype=np.float64)
@@ -53,7 +56,10 @@ class Columns:
         _check_rows(jumps, times)
         y, u, w = (_table(values, times) for values in (y, u, w))
         rows = None if bounds is None else tuple(bounds.rows(len(times)))
-        return Columns(times, y, u, w, jumps, rows)
+        modes = None if mode is None else tuple(mode)
+        if modes is not None:
+            _check_rows(np.array(modes, dtype=object), times)
+        return Columns(times, y, u, w, jumps, rows, modes)
 
     @property
     def happens(self) -> list[bool]:

@@ -29,6 +29,12 @@ class RunnableKind(Protocol):
 def observer_class(kind: str, gains: Entries) -> RunnableKind:
     """The class that runs gains of a kind; InputError for what is no kind."""
     known = kind_named(kind)
+    if "modes" in gains:
+        from obsdesign.runtime.modes import SWITCHED  # the observers of two kinds
+
+        if kind not in SWITCHED:
+            raise InputError(f"gains.modes: kind {kind!r} has no modes.")
+        return cast(RunnableKind, SWITCHED[kind])
     if gains.get("differentiator") == "fixed_lag":
         # rows come later, which takes a state of another shape
         from obsdesign.runtime.unknown_input.fixed_lag import FixedLagObserver
@@ -77,6 +83,9 @@ _REPEATED_BY_KIND = {"impulsive_input": (("H", "jump", "H"),)}
 
 def _same_plant(design: Design) -> None:
     """InputError when the gains are for another plant than the one the design names."""
+    if "modes" in design.gains or "mode" in design.problem:
+        _same_modes(design)
+        return
     blocks = plain_blocks(design.problem)
     for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = blocks.get(block)
@@ -91,6 +100,29 @@ def _same_plant(design: Design) -> None:
                 f"gains.{name} differs from problem.{block}.{key}; `obsdesign verify` refutes it. "
                 "Was the file put together by hand?"
             )
+
+
+def _same_modes(design: Design) -> None:
+    """InputError when the gains of modes are for other modes than the design names."""
+    stated, listed = design.problem.get("mode"), design.gains.get("modes")
+    pairs, blocks = [], plain_blocks(design.problem)
+    flow, output = (blocks.get(name, {}) for name in ("flow", "output"))
+    if isinstance(stated, list) and isinstance(listed, list) and len(stated) == len(listed):
+        pairs = list(zip(listed, stated, strict=True))
+    tables = [flow, output, *(x for pair in pairs for x in pair)]
+    if not all(isinstance(x, dict) for x in tables):
+        pairs = []
+    for own, mode in pairs:
+        shared = {**flow, "C": output.get("C")}
+        for name in ("name", "every", "A", "B", "C"):
+            wanted = mode.get(name, shared.get(name))
+            if not same(jsonable(own.get(name)), jsonable(wanted)):
+                pairs = []
+    if not pairs:
+        raise InputError(
+            "gains.modes differ from problem.mode; `obsdesign verify` refutes it. Was the file put "
+            "together by hand?"
+        )
 
 
 def _noise_part(stated: Value, name: str) -> object:

@@ -25,6 +25,7 @@ class WaitingRow(NamedTuple):
     bounds: tuple[tuple[Vector, Vector] | None, ...]
     events: tuple[int, ...]
     received: float | None
+    mode: str | None
 
     @classmethod
     def from_sample(cls, sample: Sample) -> WaitingRow:
@@ -34,7 +35,17 @@ class WaitingRow(NamedTuple):
             None if pair is None else (np.asarray(pair[0], float), np.asarray(pair[1], float))
             for pair in sample.bounds or ()
         )
-        return cls(float(sample.t), y, u, w, sample.jump, pairs, sample.events, sample.received)
+        return cls(
+            float(sample.t),
+            y,
+            u,
+            w,
+            sample.jump,
+            pairs,
+            sample.events,
+            sample.received,
+            sample.mode,
+        )
 
     @property
     def sample(self) -> Sample:
@@ -42,7 +53,8 @@ class WaitingRow(NamedTuple):
         if len(self.bounds) > len(Bounds._fields):
             raise ValueError(f"bounds must be of b, c and v; got {len(self.bounds)} of them.")
         bounds = Bounds(*self.bounds) if self.bounds else None
-        return Sample(self.t, self.y, self.u, self.w, self.jump, bounds, self.events, self.received)
+        return Sample(self.t, self.y, self.u, self.w, self.jump, bounds, self.events, self.received,
+                      self.mode)  # fmt: skip
 
 
 @dataclass(frozen=True)

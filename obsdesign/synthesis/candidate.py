@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark
-from obsdesign.equations.gains import Gains
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,13 @@ class Certificates:
         """Both; of the same claim, the other's."""
         evidence = {**self.evidence, **other.evidence}
         return Certificates(evidence, merged(self.solvers, other.solvers))
+
+
+class StoredGains(Protocol):
+    """Gains of a plant, or of all its modes."""
+
+    def to_document(self) -> NewEntries:
+        """Entries of a design file."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +45,7 @@ class Candidate:
     """
 
     label: str
-    gains: Gains | None
+    gains: StoredGains | None
     certificates: EntriesByClaim = field(default_factory=dict)
     searched: bool = False
     cost: float | None = None

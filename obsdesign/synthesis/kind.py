@@ -10,6 +10,7 @@ from lmi.time_budget import TimeBudget
 from obsdesign.errors import InputError
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
+from obsdesign.problem.several_clocks import require_no_modes
 from obsdesign.synthesis.candidate import Candidate
 
 # of a user: from the variables of its kind to constraints of CVXPY, which is not typed
@@ -46,7 +47,11 @@ def candidates_of(
 ) -> Iterator[Candidate]:
     """Candidates for a problem; InputError for constraints that its kind has no gains for."""
     kind = problem.require_kind()
-    synthesis = synthesis_of(kind)
+    has_modes = bool(problem.plant.modes)
+    require_no_modes([mode.name for mode in problem.plant.modes], kind)
+    synthesis = synthesis_of(kind, has_modes=has_modes)
+    if has_modes and constraints is not None:
+        raise InputError("constraints on gains are not available with [[mode]].")
     if constraints is None:
         return synthesis.synthesize(problem, budget)
     if not isinstance(synthesis, ConstrainedSynthesis):
@@ -56,12 +61,13 @@ def candidates_of(
     return synthesis.synthesize_constrained(problem, constraints, budget)
 
 
-def synthesis_of(kind: str) -> Synthesis:
-    """The module of a kind; InputError for what is no kind."""
-    return cast(Synthesis, import_module(kind_named(kind).module("candidates")))
+def synthesis_of(kind: str, *, has_modes: bool = False) -> Synthesis:
+    """The module of a kind, or its one for modes; InputError for what is no kind."""
+    module = kind_named(kind).module("candidates", has_modes=has_modes)
+    return cast(Synthesis, import_module(module))
 
 
 def untried_forms(problem: Problem) -> dict[str, str]:
     """Forms of its kind that synthesis passes over for a problem, and why."""
-    synthesis = synthesis_of(problem.require_kind())
+    synthesis = synthesis_of(problem.require_kind(), has_modes=bool(problem.plant.modes))
     return synthesis.untried(problem) if isinstance(synthesis, SelectiveSynthesis) else {}

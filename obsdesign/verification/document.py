@@ -36,7 +36,7 @@ def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
 
     Every guarantee rests on `consistent` beside the claims it names: it is about these gains.
     """
-    kind = conclusions_of(problem.require_kind())
+    kind = conclusions_of(problem.require_kind(), has_modes=bool(problem.plant.modes))
     certain = {claim.id for claim in claims if claim.verdict == "proved"}
     guarantees = tuple(
         replace(entry, given=entry.given and {"consistent", *entry.claims} <= certain)
@@ -48,7 +48,7 @@ def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
 
 def state_rows(problem: Problem, claims: tuple[Claim, ...]) -> list[NewEntries]:
     """Numbers of each state, by name, from proved claims; none of kinds that have none."""
-    kind = conclusions_of(problem.require_kind())
+    kind = conclusions_of(problem.require_kind(), has_modes=bool(problem.plant.modes))
     rows = kind.states(problem, claims) if isinstance(kind, StatesWidths) else ()
     return [asdict(row) for row in rows]
 

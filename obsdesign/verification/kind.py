@@ -6,10 +6,12 @@ from importlib import import_module
 from typing import Protocol, cast, runtime_checkable
 
 from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim
+from lmi.modes import Modes
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.document import Claim, Guarantee
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
+from obsdesign.problem.several_clocks import require_no_modes
 from obsdesign.verification.state_widths import StateWidths
 
 
@@ -36,6 +38,13 @@ class DwellVerification(Verification, Protocol):
         """Exact (F, H) of x -> e^(F theta) H x."""
 
 
+class ModeVerification(Verification, Protocol):
+    """A module for modes, whose claim of stability is one about a graph of them."""
+
+    def error_modes(self, problem: Problem, stored: Entries, /) -> Modes:
+        """The graph of modes whose paths are claimed to tend to zero."""
+
+
 class Conclusions(Protocol):
     """A module that says what follows from claims."""
 
@@ -59,9 +68,9 @@ class Warns(Protocol):
         """What is wrong, or nearly so, in one sentence each."""
 
 
-def verification_of(kind: str) -> Verification:
-    """The module of a kind that proves its claims; InputError for what is no kind."""
-    return cast(Verification, import_module(kind_named(kind).module("claims")))
+def verification_of(kind: str, *, has_modes: bool = False) -> Verification:
+    """The module of a kind that proves its claims, or its one for modes; InputError for no kind."""
+    return cast(Verification, import_module(kind_named(kind).module("claims", has_modes=has_modes)))
 
 
 def dwell_verification_of(kind: str) -> DwellVerification:
@@ -69,6 +78,19 @@ def dwell_verification_of(kind: str) -> DwellVerification:
     return cast(DwellVerification, verification_of(kind))
 
 
-def conclusions_of(kind: str) -> Conclusions:
-    """The module of a kind with its guarantees."""
-    return cast(Conclusions, import_module(kind_named(kind).module("guarantees")))
+def verification_for(problem: Problem) -> Verification:
+    """The module that proves the claims of a problem; DoesNotApply for modes of other kinds."""
+    kind, modes = problem.require_kind(), [mode.name for mode in problem.plant.modes]
+    require_no_modes(modes, kind)
+    return verification_of(kind, has_modes=bool(modes))
+
+
+def mode_verification_of(kind: str) -> ModeVerification:
+    """The module for modes of a kind that takes them."""
+    return cast(ModeVerification, verification_of(kind, has_modes=True))
+
+
+def conclusions_of(kind: str, *, has_modes: bool = False) -> Conclusions:
+    """The module of a kind with its guarantees, or its one for modes."""
+    module = kind_named(kind).module("guarantees", has_modes=has_modes)
+    return cast(Conclusions, import_module(module))

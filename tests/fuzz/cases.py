@@ -51,7 +51,8 @@ def data_text(name: str) -> str:
 def start(name: str, rng: Rng) -> list[str]:
     """Where an observer starts: mostly as it has to."""
     bounds = ALL[name]["observer"]["kind"] == "interval"
-    n = len(ALL[name]["flow"]["A"])
+    flow = ALL[name]["flow"]
+    n = len(flow["A"] if "A" in flow else ALL[name]["mode"][0]["A"])
     pick = rng.random()
     if pick < 0.02:
         return [
@@ -247,7 +248,8 @@ def _change(rng: Rng, rows: list[list[str]]) -> None:
 
 def _retell(rng: Rng, rows: list[list[str]]) -> None:
     """Other measurements, gaps, and times that still increase, in place: nothing to refuse."""
-    columns = [k for k, title in enumerate(rows[0]) if title[0] in "yuw"]
+    # a named sensor is the first column after the time
+    columns = [k for k, title in enumerate(rows[0]) if title[0] in "yuw"] or [1]
     for _ in range(int(rng.geometric(0.4))):
         k, column = int(rng.integers(1, len(rows))), int(rng.choice(columns))
         pick = rng.random()

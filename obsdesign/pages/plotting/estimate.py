@@ -19,6 +19,7 @@ from lmi.arithmetic.arrays import Array, Entries, Matrix
 from obsdesign.column_names import JUMP
 from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths, with_gaps
 from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
+from obsdesign.pages.plotting.stays import draw_stays
 from obsdesign.pages.plotting.strips import Strip, strips_of
 from obsdesign.pages.plotting.style import BLACK, BLUE, VERMILION, check_output, picture
 from obsdesign.problem.plant import Plant
@@ -91,6 +92,7 @@ def _plot_with_widths(record: EstimateRecord, strips: Mapping[str, Strip], outpu
         axes = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
         for (left, right), name in zip(axes, names, strict=True):
             _state(left, name, record, strips.get(name))
+            draw_stays(right, record.stays)
             draw_widths(right, name, record, strips.get(name), record.rows_only)
         axes[0, 0].set_title("bounds", fontsize=9)
         axes[0, 1].set_title("width of the bounds (logarithmic)", fontsize=9)
@@ -135,6 +137,7 @@ def _state(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None = 
     for k, instant in enumerate(record.jumps):
         axis.axvline(instant, color="0.55", lw=0.7, ls=(0, (2, 2)), zorder=0,
                      label="jump" if k == 0 else None)  # fmt: skip
+    draw_stays(axis, record.stays)
     t, estimate, data = record.t, record.estimate, record.data
     rows_only = record.rows_only
     if f"{name}_lo" in estimate:

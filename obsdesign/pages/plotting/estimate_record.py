@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.column_names import JUMP, TIME
+from obsdesign.column_names import JUMP, MODE, TIME
 from obsdesign.data.records import read_columns
 from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
@@ -123,6 +123,22 @@ class EstimateRecord:
                 values = truth.numbers(name)
                 happens |= values == 1 if name == JUMP else np.isfinite(values)
         return cls(estimates, truth, Table.from_file(events), second, t, times, times[happens])
+
+    @property
+    def stays(self) -> list[tuple[float, float, str]]:
+        """(start, end, mode) of the data, in order; none where they have no modes."""
+        if MODE not in self.data:
+            return []
+        names = self.data.columns[MODE]
+        changes = [(t, name) for t, name in zip(self.data_t.tolist(), names, strict=True) if name]
+        stays: list[tuple[float, float, str]] = []
+        for t, name in changes:
+            if stays and stays[-1][2] == name:
+                continue
+            if stays:
+                stays[-1] = (stays[-1][0], t, stays[-1][2])
+            stays.append((t, float(self.data_t[-1]), name))
+        return stays
 
     @property
     def has_impulses(self) -> bool:

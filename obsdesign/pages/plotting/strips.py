@@ -30,6 +30,8 @@ def strips_of(plant: Plant, data: Table) -> Mapping[str, Strip]:
     strips: dict[str, Strip] = {}
     output, titles = plant.outputs, [x for sensor in plant.sensors for x in sensor.columns]
     radii, centre = output.noise_radius, output.noise_centre
+    if any(mode.C is not None for mode in plant.modes):  # a sample's strip depends on the mode
+        return strips
     if radii is None or not data.columns:
         return strips
     t, middles = data.numbers("t"), np.zeros(len(radii)) if centre is None else centre

@@ -15,6 +15,9 @@ from obsdesign.runtime.base import Sample
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance, time_tolerances
 
+# status of a row without a sample that was due
+MISSING = "missing sample"
+
 
 @dataclass(frozen=True)
 class SampleClock:
@@ -92,7 +95,7 @@ class SampleClock:
         if self.period is None:
             return self._continuous(state, sample, y, t)
         if y is None and not sample.jump:
-            return ["missing sample"]
+            return [MISSING]
         if state.started and self._is_late(state, t):
             if state.sampled != state.phase == state.phase:  # others came, off the period
                 after = f"{self.period:.9g} after the one at {state.phase:.9g}"
@@ -118,7 +121,7 @@ class SampleClock:
         self, state: IntervalState, sample: Sample, y: Matrix | None, t: float
     ) -> list[str]:
         needed = y is None and not (sample.jump and self.skips_jumps)
-        sentences = ["missing sample"] if needed else []
+        sentences = [MISSING] if needed else []
         step = t - state.t
         without_sample = state.y is None and y is None and not needed and step > 0
         if state.started and without_sample and self.corrects:

@@ -69,22 +69,44 @@ def kalman_filter(
     now = _Moments(np.zeros(n + q), np.diag([*variance, *np.full(q, variance.max())]))
     if initial is not None:
         now.z[:n] = initial
-    steps = _Steps(plant, walk)
+    plants = [plant.in_mode(k) for k in range(len(plant.modes))] or [plant]
+    steps = [_Steps(own, walk) for own in plants]
+    place = _place(plant, rows[0].mode if rows else None)
     R, means, log_likelihood = _noise(plant, rows), [], 0.0
     u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
     after = plant.sees_after
     for k, row in enumerate(rows):
         if k:
-            now = steps.flow(now, row.t - rows[k - 1].t, u)
+            now = steps[place].flow(now, row.t - rows[k - 1].t, u)
         for there in (~after, after) if row.jump else (np.ones(plant.p, bool),):
             if row.jump and there is after:
-                now = steps.jump(now, row)
-            now, gained = _measured(now, row, plant, R, there)
+                now = steps[place].jump(now, row)
+            now, gained = _measured(now, row, plants[place], R, there)
             log_likelihood += gained
+        now, place = _entered(now, plant, place, row.mode)
         u = u if row.u is None else np.asarray(row.u, dtype=np.float64)
         means.append(now.z)
     states = np.array(means).reshape(len(rows), n + q)
     return Filtered(np.array([row.t for row in rows]), states[:, :n], states[:, n:], log_likelihood)
+
+
+def _place(plant: Plant, mode: str | None) -> int:
+    """The place of a mode among those of a plant; the first without a name."""
+    names = [one.name for one in plant.modes]
+    return names.index(mode) if mode in names else 0
+
+
+def _entered(
+    now: _Moments, plant: Plant, place: int, mode: str | None
+) -> tuple[_Moments, int]:  # fmt: skip
+    """The moments after a row's change of mode, and the place of the mode; None: no change."""
+    following = place if mode is None else _place(plant, mode)
+    G = None if following == place else plant.modes[following].entry_map
+    if G is None:
+        return now, following
+    move = np.eye(len(now.z))
+    move[: len(G), : len(G)] = G
+    return _Moments(move @ now.z, move @ now.P @ move.T), following
 
 
 def tuned_walk(

@@ -64,7 +64,7 @@ class ComparisonRecord:
         jump = run.happened
         if jump is not None and len(plant.events) == 1:
             jump = jump[:, 0]
-        samples = rows_of(run.t, run.block("y"), **inputs, jump=jump)
+        samples = rows_of(run.t, run.block("y"), **inputs, jump=jump, mode=run.mode)
         d = run.block("d")
         return ComparisonRecord(tuple(samples), run.block("x"), d if d.size else None)
 
@@ -81,7 +81,11 @@ class ComparisonRecord:
             all(event.H is None for event in plant.events) or not names.isdisjoint(columns)
         )
         clocks = ClockColumns.from_problem(problem.to_dict(), has_events=announced)
-        layout = Layout(plant.p, u, w, announced, clocks=clocks, may_repeat=not plant.has_one_clock)
+        modes = tuple(mode.name for mode in plant.modes)
+        layout = Layout(
+            plant.p, u, w, announced, clocks=clocks, may_repeat=not plant.has_one_clock,
+            modes=modes,
+        )  # fmt: skip
         with open(path, encoding="utf-8", newline="") as stream:
             samples = tuple(read_samples(stream, layout, path))
         q = 0 if flow.D is None else flow.D.shape[1]

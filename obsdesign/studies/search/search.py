@@ -14,13 +14,20 @@ from obsdesign import workflow
 from obsdesign.errors import InputError
 from obsdesign.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
 from obsdesign.problem.problem import Problem
+from obsdesign.problem.several_clocks import require_no_modes
 from obsdesign.studies.search.dwell_time import search_dwell_time
 from obsdesign.studies.search.period import search_period
 from obsdesign.studies.search.result import SearchResult
+from obsdesign.studies.search.stays import search_stays
 
 
 def search(
-    problem: Problem, what: str, accuracy: float = ACCURACY, *, seconds: float | None = None
+    problem: Problem,
+    what: str,
+    accuracy: float = ACCURACY,
+    *,
+    of: str | None = None,
+    seconds: float | None = None,
 ) -> workflow.Outcome:
     """The bracket for `what`; accuracy is its relative width.
 
@@ -29,12 +36,13 @@ def search(
     when no range is admissible. InputError when the kind has no such search.
 
     seconds: of processor time that searches may take in all; None for their own budgets, which a
-    larger total stretches until the bracket is as tight as `accuracy`.
+    larger total stretches until the bracket is as tight as `accuracy`. of: the mode whose stays are
+    searched; None for all.
     """
-    require_search(problem, what, accuracy)
+    require_search(problem, what, accuracy, of)
     best: workflow.Outcome | None = None
     for budget in TimeBudget.from_seconds(seconds).attempts():
-        outcome = _searched(problem, what, accuracy, budget)
+        outcome = _searched(problem, what, of, accuracy, budget)
         best = outcome if best is None else max(best, outcome, key=lambda o: _quality(o, what))
         if not SearchResult.from_dict(outcome.result).ended:
             break
@@ -54,11 +62,15 @@ def _quality(outcome: workflow.Outcome, what: str) -> tuple[int, float, float]:
     return rank, reach, -gap
 
 
-def _searched(problem: Problem, what: str, accuracy: float, budget: TimeBudget) -> workflow.Outcome:
+def _searched(
+    problem: Problem, what: str, of: str | None, accuracy: float, budget: TimeBudget
+) -> workflow.Outcome:
     """One attempt with this budget."""
     if what in PERIOD_SEARCHES:
         return search_period(problem, what, budget)
     direction: Direction = "shortest" if what == "shortest_dwell" else "longest"
+    if problem.plant.modes:
+        return search_stays(problem, direction, of, accuracy, budget)
     return search_dwell_time(problem, direction, accuracy, budget)
 
 
@@ -68,15 +80,23 @@ def require_accuracy(accuracy: float) -> None:
         raise InputError(f"--accuracy must be a number from 1e-12 to 1; got {accuracy!r}.")
 
 
-def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> None:
+def require_search(
+    problem: Problem, what: str, accuracy: float = ACCURACY, of: str | None = None
+) -> None:
     """InputError unless `search` knows this limit for a problem of this kind."""
-    kind = problem.require_kind()
+    kind, modes = problem.require_kind(), [mode.name for mode in problem.plant.modes]
+    if of is not None and not modes:
+        raise InputError(f"--of names a mode; the plant has none; got {of!r}.")
+    require_no_modes(modes, kind)
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
     if kind == "finite_time" and what in PERIOD_SEARCHES:
         return
     if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
         raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
+    if modes:
+        require_accuracy(accuracy)
+        return
     if not problem.plant.has_one_clock:
         raise InputError(f"--for {what} is not available with several clocks.")
     if problem.plant.output.measured == "periodic":

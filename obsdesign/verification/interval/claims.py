@@ -113,7 +113,7 @@ def _hypotheses(problem: Problem, gains: IntervalGains, source: str) -> Iterator
     """Claims of gains as they are: constraints on them, what no gains can do, and signs."""
     yield from constraint_claims(problem, gains, {"L": gains.L, "M": gains.M})
     yield from obstruction_claim(problem, gains, source)
-    yield from _sign_claims(gains)
+    yield from sign_claims(gains)
 
 
 def _jump_claims(
@@ -179,7 +179,7 @@ def _refuted(agreement: Claim, entry: str, reason: str) -> Claim:
     return replace(agreement, verdict="refuted", evidence=evidence)
 
 
-def _sign_claims(gains: IntervalGains) -> list[Claim]:
+def sign_claims(gains: IntervalGains) -> list[Claim]:
     """`flow_positive` and `jump_positive`: the hypotheses of the enclosure."""
     form = gains.form
     frame = Coordinates.from_matrices(gains.S, gains.S2, inverse, exact)

@@ -1,0 +1,73 @@
+"""Problems with modes: which are served, and their error systems as a graph of modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lmi.arithmetic.balls import Exact
+from lmi.modes import Modes
+from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
+from obsdesign.equations.modes import ModeSpan, following_places
+from obsdesign.problem.modes import spans_of
+from obsdesign.problem.problem import Problem
+from obsdesign.problem.several_clocks import require_no_modes
+
+# options of a kind that are about each mode alike
+_OPTIONS = {"interval": ("form",), "luenberger": ("decay_rate",)}
+FORMS = ("cooperative", "split")
+
+
+def reason_against_modes(problem: Problem) -> str | None:
+    """Reason against an observer of modes for a problem, one sentence, or None.
+
+    DoesNotApply where the kind takes no modes.
+    """
+    kind, plant = problem.require_kind(), problem.plant
+    require_no_modes([mode.name for mode in plant.modes], kind)
+    if plant.output.measured != "continuous":
+        return (
+            f"{plant.stated('output.measured')} must be continuous with [[mode]]; got "
+            f"{plant.output.measured!r}."
+        )
+    if plant.output.period is not None:
+        return "output.period is not available with [[mode]]; samples may have any spacing."
+    for name in problem.options.to_document():
+        if name not in _OPTIONS[kind]:
+            allowed = ", ".join(_OPTIONS[kind])
+            return f"observer.{name} is not available with [[mode]]; {allowed} is."
+    for name in problem.gains:
+        if name != "L":
+            return f"observer.gains.{name} is not available with [[mode]]; L is."
+    if kind != "interval":
+        return None
+    form = problem.options.to_document().get("form", "auto")
+    if form not in (*FORMS, "auto"):
+        return f"observer.form must be {' or '.join(FORMS)} with [[mode]]; got {form!r}."
+    return reason_against_unbounded(plant, kind) or problem.reason_without_noise_bound()
+
+
+def graph_of(
+    problem: Problem, flows: Sequence[Exact], entry: Sequence[Exact | None]
+) -> Modes:  # fmt: skip
+    """The graph of modes with these flows of an error, and its maps on entry."""
+    return graph_of_spans(spans_of(problem.plant.modes), flows, entry)
+
+
+def graph_of_spans(
+    spans: Sequence[ModeSpan], flows: Sequence[Exact], entry: Sequence[Exact | None]
+) -> Modes:
+    """The graph of modes of a design."""
+    ends = [(float(span.every[0]), float(span.every[1])) for span in spans]
+    names = [span.name for span in spans]
+    return Modes.from_flows(flows, ends, following_places(spans), entry, names)
+
+
+def stays_text(problem: Problem) -> str:
+    """The stays of all modes in words: "open [2.0, 10.0], closed [1.0, inf)"."""
+    words = []
+    for mode in problem.plant.modes:
+        low, high = mode.every
+        words.append(f"{mode.name} [{low!r}, {'inf)' if np.isinf(high) else f'{high!r}]'}")
+    return ", ".join(words)

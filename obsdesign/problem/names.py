@@ -1,0 +1,22 @@
+"""Names of events, sensors and modes."""
+
+from __future__ import annotations
+
+import re
+
+from obsdesign.errors import InputError
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+# titles of other columns: time, numbered signals, their bounds, words of the format
+RESERVED = re.compile(r"t|[a-z]\d+(_.*)?|jump|event|mode|status|received")
+NAME_SCHEMA = {"type": "string", "title": "a name: small letters, digits and _"}
+
+
+def check_name(name: str, block: str) -> None:
+    """InputError unless an event, a sensor or a mode may be called so."""
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            f"{block}.name must be a small letter, then small letters, digits and _; got {name!r}."
+        )
+    if RESERVED.fullmatch(name):
+        raise InputError(f"{block}.name: {name!r} is kept for other columns of data files.")

@@ -1,0 +1,73 @@
+"""Simulated changes of mode, and the column that names them."""
+
+from __future__ import annotations
+
+import io
+import itertools
+
+import numpy as np
+import pytest
+
+from obsdesign.data.layout import Layout
+from obsdesign.data.records import read_samples
+from obsdesign.data.simulation import simulate
+from obsdesign.errors import InputError
+from tests.systems.switched import random_switched, valve
+
+
+@pytest.mark.parametrize("dwell", ["random", "shortest"])
+def test_stays_and_successors_are_those_of_the_problem(dwell: str) -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        plant = random_switched(rng, "interval").plant
+        run = simulate(plant, until=60, step=0.25, dwell=dwell, rng=rng)
+        modes, names = {mode.name: mode for mode in plant.modes}, run.mode or []
+        changes = [0, *(k for k in range(1, len(names)) if names[k] != names[k - 1])]
+        assert len(changes) > 5
+        for a, b in itertools.pairwise(changes):
+            low, high = modes[names[a]].every
+            stay = run.t[b] - run.t[a]
+            assert low - 1e-9 <= stay <= high + 1e-9
+            assert dwell == "random" or stay == pytest.approx(low)
+            allowed = modes[names[a]].next
+            assert allowed is None or names[b] in allowed
+
+
+def test_the_state_follows_the_flow_of_its_mode() -> None:
+    plant = valve().plant
+    run = simulate(plant, until=60, step=0.01, disturbance="zero")
+    x, names = run.block("x"), run.mode or []
+    for k in range(0, len(run.t) - 1, 97):
+        A = plant.modes[0 if names[k] == "open" else 1].A
+        h = run.t[k + 1] - run.t[k]
+        np.testing.assert_allclose(x[k + 1] - x[k], h * (A @ x[k]), atol=3e-4 * np.abs(x[k]).max())
+
+
+def test_dwell_of_modes_is_a_word() -> None:
+    with pytest.raises(InputError, match="dwell must be random or shortest for modes"):
+        simulate(valve().plant, dwell=2.0)
+
+
+LAYOUT = Layout(1, modes=("open", "closed"))
+
+
+def rows(text: str) -> list[str | None]:
+    return [sample.mode for sample in read_samples(io.StringIO(text), LAYOUT, "data.csv")]
+
+
+def test_a_blank_mode_is_unchanged() -> None:
+    assert rows("t,y1,mode\n0,1,open\n1,1,\n2,1, closed\n") == ["open", None, "closed"]
+
+
+@pytest.mark.parametrize(
+    ("text", "refusal"),
+    [
+        ("t,y1\n0,1\n", "column 'mode' is required"),
+        ("t,y1,mode\n0,1,\n", "data.csv line 2: mode is required in the first row"),
+        ("t,y1,mode\n0,1,open\n1,1,ajar\n", "data.csv line 3: mode must be one of open, closed"),
+    ],
+)
+def test_modes_that_are_none_are_refused(text: str, refusal: str) -> None:
+    with pytest.raises(InputError) as error:
+        rows(text)
+    assert refusal in str(error.value)
