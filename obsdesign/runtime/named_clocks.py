@@ -46,7 +46,7 @@ class NamedClocks:
 
     def places(self, sample: Sample) -> tuple[int, ...]:
         """Places of the events of a row; ValueError unless the plant has them."""
-        if not sample.jump:
+        if not sample.jump and not sample.events:
             return ()
         names = [event.name for event in self.events]
         if not names:

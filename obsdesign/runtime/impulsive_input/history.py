@@ -10,7 +10,7 @@ from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge
 from obsdesign.runtime.state_marks import Past
 from obsdesign.runtime.time_stamps import time_tolerance
 
-_DEVIATIONS = 3.0  # deviations by which a dwell time must be too short
+_DEVIATIONS = 3.0  # deviations by which a dwell time must be too short, a time wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,11 @@ class History:
     t_std: float = 0.0
     doubt: DoubtfulSpan = field(default_factory=DoubtfulSpan)
     residuals: Residuals = field(default_factory=Residuals)
+
+    @property
+    def earliest(self) -> float:
+        """The time before which the last impulse hardly came."""
+        return self.t - _DEVIATIONS * self.t_std
 
     def judged(self, event: Event, dwell: float, *, cost: float, freedom: int) -> Event:
         """The event with deviations for the residuals, and doubts about them and its dwell time.

@@ -139,8 +139,11 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         after = np.asarray(self._clocks.sees == "after")
         late = after if events else np.zeros_like(after)
         cut = self._sampled(cut, y._replace(y=np.where(late, np.nan, y.y)))
-        for event, w in events:
-            cut = self._happened(cut, event, w, y._replace(y=np.where(after, np.nan, y.y)))
+        # what saw the state before the events corrects the first of them alone
+        nothing = np.full_like(y.y, np.nan)
+        for k, (event, w) in enumerate(events):
+            seen_before = nothing if k else np.where(after, nothing, y.y)
+            cut = self._happened(cut, event, w, y._replace(y=seen_before))
         return self._sampled(cut, y._replace(y=np.where(late, y.y, np.nan)))
 
     def _moved(self, state: ClockedState, t: float) -> _Cut:
@@ -185,7 +188,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         k = self._kernels.event(event, corrected)
         v = k.vector(cut.box, None, y, np.concatenate([w, radius]))
         following = _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
-        if crossed(following.box):  # the correction contradicts the box: without it nothing crosses
+        if corrected and crossed(following.box):  # the correction contradicts the box
             plain = self._happened(cut, event, w, measured._replace(y=np.full_like(y, np.nan)))
             return plain._replace(faults=(*plain.faults, BoundsFault.CROSSED.value))
         return following._replace(faults=(*cut.faults, *following.faults))

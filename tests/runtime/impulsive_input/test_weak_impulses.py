@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 import obsdesign
 from obsdesign.runtime import from_design
 from obsdesign.runtime.impulsive_input.event import Event
+from obsdesign.runtime.impulsive_input.history import History
+from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER
 from tests.systems.impulsive_input import record
 
@@ -80,3 +83,14 @@ def test_an_impulse_that_may_have_come_before_all_samples_compared_has_a_doubt()
     # the twin: longer dwell times leave more samples to compare
     rare, count = errors(STORE, WEAK, 20, 8, seed=0)
     assert [event.status for _, event in rare] == ["ok"] * count
+
+
+@pytest.mark.parametrize(("deviation", "is_doubted"), [(0.0, False), (0.3, True)])
+def test_an_impulse_found_late_hides_no_earlier_onset(deviation: float, is_doubted: bool) -> None:
+    """The one before may have come earlier, by its deviation: so may this one."""
+    gains = SimpleNamespace(shortest_dwell=1.0, window=0.5)
+    live = SimpleNamespace(first=0.0, history=History(t=4.5, t_std=deviation))
+    refit = SimpleNamespace(start=SimpleNamespace(row=SimpleNamespace(t=5.2)), may_be_earlier=True)
+    engine: Any = SimpleNamespace(gains=gains)
+    doubts = SamplesEngine._doubts(engine, live, refit)  # type: ignore[arg-type]
+    assert doubts == ([EARLIER] if is_doubted else [])

@@ -301,3 +301,26 @@ def test_a_fleet_takes_one_clock_alone() -> None:
     observer: Any = observer_of(DOSES)
     with pytest.raises(ValueError, match="plants with one event and one sensor"):
         Fleet((observer,))
+
+
+@pytest.mark.parametrize("first", ["dose", "purge"])
+def test_only_the_first_event_of_a_row_is_corrected_by_what_came_before(first: str) -> None:
+    """A dose of exactly 1 and a purge that changes nothing, at once: 0 before them, 1 after."""
+    dose = {"name": "dose", "every": [0.5, "inf"], "disturbance": {"lower": [1], "upper": [1]}}
+    purge = {"name": "purge", "every": [0.5, "inf"]}
+    body = {
+        "flow": {"A": [[-0.1]], "disturbance": {"lower": [0], "upper": [0]}},
+        "event": [dose, purge] if first == "dose" else [purge, dose],
+        "sensor": [{"name": "lab", "C": [[1]], "noise_bound": 0.2, "at": "purge"}],
+    }
+    observer = observer_of(body, {"purge": {"M": [[1]]}})
+    state = observer.init(0.0, lower=[-1.0], upper=[1.0])
+    row = Sample(1.0, y=np.array([0.0]), jump=True, events=(0, 1))
+    state, estimate = observer.step(state, row)
+    assert estimate.lower is not None
+    assert estimate.upper is not None
+    assert estimate.status == "ok"
+    assert estimate.lower[0] <= 1.0 <= estimate.upper[0]
+    assert observer.step(state, row._replace(t=2.0, jump=False))[1].events[:2] == (
+        (2.0, "dose"), (2.0, "purge"),
+    )[:: 1 if first == "dose" else -1]  # fmt: skip

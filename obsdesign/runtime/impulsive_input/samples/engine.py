@@ -262,7 +262,7 @@ class SamplesEngine:
 
     def _doubts(self, live: SampledLive, refit: Refit) -> list[str]:
         """That the impulse may have come before all rows that are known, where it may."""
-        begin = max(live.first, live.history.t + self.gains.shortest_dwell)
+        begin = max(live.first, live.history.earliest + self.gains.shortest_dwell)
         is_first = refit.start.row.t <= begin + time_tolerance(self.gains.window, begin)
         return [] if is_first or not refit.may_be_earlier else [EARLIER]
 
