@@ -196,6 +196,8 @@ def prove_graph(graph: Graph, values: Sequence[Sequence[float]]) -> Verdict:
         return undecided(f"the tube must be {len(graph.nodes)}x{graph.n}")
     if not (np.isfinite(v).all() and (v > 0).all()):
         return undecided("the tube is not positive")
+    if not all(strategy for strategies in graph.nodes for strategy in strategies):
+        return undecided("a strategy without passages bounds nothing")
     exact_v, steps, count = exact(v), 0, 0
     for node, strategies in enumerate(graph.nodes):
         with np.errstate(all="ignore"):

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.bounds.graph_tube import FloatGraph, Graph, Passage
 from lmi.time_budget import UNLIMITED, TimeBudget
 
@@ -19,8 +19,8 @@ _MARGINS = (2e-4, 2e-3, 1e-2)
 _ROUNDS, _SWEEPS = 25, 2
 # rounds without a positive solution after which a graph is given up
 _MOST_UNSTABLE, _JUMP = 12, 8.0
-# rounds in which a tube is lowered at most, and the relative change at which it has settled
-_LOWERED, _SETTLED = 15, 1e-4
+# rounds in which a tube is lowered, and the relative change at which it has settled
+_LOWERED, _SETTLED = 8, 1e-3
 
 
 def proposed_tubes(
@@ -72,17 +72,27 @@ class _Search:
         return None
 
     def _lowered(self, v: Matrix, budget: TimeBudget) -> Matrix:
-        """A tube below this one, nearer to the least fixed point."""
+        """A tube below this one: the least for the strategies that are best there, in turns."""
         for _ in range(_LOWERED):
-            size = float(v.sum())
-            for candidate in (self._next(v), self._solved(v)):
-                if candidate is None or not (candidate <= v * (1 + 1e-9)).all():
-                    continue
-                if self._is_tube(candidate):
-                    v = candidate
-            if budget.remaining() < 0 or float(v.sum()) > (1 - _SETTLED) * size:
+            chosen = self._best(v)
+            lower = self._solved(v, chosen)
+            for _ in range(_LOWERED):
+                if lower is None or self._is_tube(lower):
+                    break
+                lower = self._solved(lower, chosen)
+            if lower is None or not self._is_tube(lower):
+                return v
+            has_settled = float((lower / v).min()) > 1 - _SETTLED
+            v = lower if float(np.log(lower / v).sum()) < 0 else v
+            if has_settled or budget.remaining() < 0:
                 break
         return v
+
+    def _best(self, v: Matrix) -> Indices:
+        """The strategy of each node and entry that bounds it best, (nodes, n)."""
+        return np.array([
+            np.argmin(self.floats.bounds(node, v), axis=0) for node in range(self.nodes)
+        ])  # fmt: skip
 
     def _next(self, v: Matrix) -> Matrix:
         return (1 + self.margin) * self.floats.image(v) + self.added
@@ -91,13 +101,17 @@ class _Search:
         """Is the image of v below v by half of the margin?"""
         return bool(((1 + self.margin / 2) * self.floats.image(v) <= v).all())
 
-    def _solved(self, v: Matrix) -> Matrix | None:
-        """The fixed point of the affine maps that are active at v; None unless it is positive."""
+    def _solved(self, v: Matrix, strategies: Indices | None = None) -> Matrix | None:
+        """The fixed point of the affine maps that are active at v; None unless it is positive.
+
+        strategies (nodes, n): of each entry, None for those that are best at v.
+        """
         size = self.nodes * self.n
         A, b = np.zeros((size, size)), np.tile(self.added, self.nodes)
         for node in range(self.nodes):
             values = self.floats.values(node, v)
             chosen = np.argmin([each.max(axis=0) for each in values], axis=0)
+            chosen = chosen if strategies is None else strategies[node]
             for entry, place in enumerate(chosen.tolist()):
                 passage = int(np.argmax(values[place][:, entry]))
                 row, constant = self._active(

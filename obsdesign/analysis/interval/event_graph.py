@@ -261,11 +261,14 @@ def _last(ends: Sequence[Fraction | None]) -> Fraction:
 def _overlapping(
     places: Sequence[int], parts: Cells, low: Fraction, high: Fraction | None
 ) -> Strategy:
-    """The bounds of all parts that a range of times since the event meets."""
+    """The bounds of all parts that a range of times since the event meets.
+
+    Of two parts that meet at its first time the later one holds that time too.
+    """
     return tuple(
         Passage(place, None, 0.0, 0.0)
         for place, (a, b) in zip(places, parts.pairs(), strict=True)
-        if (b is None or b >= low) and (high is None or a <= high)
+        if (b is None or b > low or b == parts.ends[-1]) and (high is None or a <= high)
     )
 
 

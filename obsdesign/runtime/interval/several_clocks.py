@@ -105,8 +105,9 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         known = [self._clocks.inputs(sample, event) for event in events]
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
             cut = self._row(state, t, self._measured(y, own), list(zip(events, known, strict=True)))
-        y = None if y is None or not np.isfinite(y).any() else y
-        kept, not_kept = self._clocks.after(Kept(state.guards, state.sampled), t, y, events)
+        kept, not_kept = self._clocks.after(
+            Kept(state.guards, state.sampled), t, self._complete(y), events
+        )
         refutation = state.refutation
         reasons = [*cut.faults, *not_kept, *([refutation] if refutation else [])]
         if cut.faults and cut.faults[0] != BoundsFault.OVERFLOWED.value and not refutation:
@@ -203,6 +204,18 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         low = np.where(is_exact, low, np.nextafter(low, -np.inf))
         high = np.where(is_exact, high, np.nextafter(high, np.inf))
         return _Measured(*midpoint(low, high))
+
+    def _complete(self, y: Matrix | None) -> Matrix | None:
+        """Measurements of the sensors all of whose outputs are there: those that widths count on.
+
+        None where there is no such sensor.
+        """
+        if y is None:
+            return None
+        parts = [y[own] for own in self.gains.outputs]
+        whole = [part if np.isfinite(part).all() else np.full_like(part, np.nan) for part in parts]
+        complete: Matrix = np.concatenate(whole)
+        return complete if np.isfinite(complete).any() else None
 
     def _first(self, lower: ArrayLike, upper: ArrayLike) -> Matrix:
         low, high = initial_bounds(self.n, lower, upper)

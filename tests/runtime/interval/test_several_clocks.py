@@ -261,6 +261,19 @@ def test_clocks_that_are_not_kept_are_named_and_void_no_bound() -> None:
     ]
 
 
+def test_a_sample_with_an_output_missing_is_none_for_the_clock() -> None:
+    """Widths count on all outputs of a sensor: the other one still narrows the bounds."""
+    observer = observer_of(SPRING)
+    state = observer.init(0.0, **_START)
+    for t, y in ((0.5, [0.0, 0.0]), (1.2, [0.0, np.nan]), (1.8, [0.0, np.nan]), (2.0, [0.0, 0.0])):
+        before = state
+        state, one = observer.step(state, Sample(t, np.array([*y, np.nan, np.nan])))
+        missing = observer.step(before, Sample(t))[1]
+        assert (one.upper < missing.upper).any()  # type: ignore[operator]
+        is_late = "both: time" in one.status
+        assert is_late == (t > 1.5)
+
+
 def test_bounds_that_overflow_say_so() -> None:
     body = copy.deepcopy(SPRING)
     body["flow"]["A"] = [[400, 0, 0], [0, -1, 0], [0, 0, -1]]
