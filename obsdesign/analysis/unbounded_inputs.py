@@ -7,10 +7,10 @@ from obsdesign.problem.plant import Plant
 
 def reason_against_unbounded(plant: Plant, kind: str) -> str | None:
     """Reason against a plant with unbounded inputs, one sentence, or None; kind: for the text."""
-    if plant.flow.D is not None:
+    if plant.flow.D is not None and plant.flow.d_bounds is None:
         return (
             f"flow.D is refused by kind {kind!r}: an unknown input without bounds leaves no "
-            "bounds on the state. Give bounds as flow.disturbance."
+            "bounds on the state. Give bounds as flow.d_bounds."
         )
     for event in plant.events:
         if event.H is not None:

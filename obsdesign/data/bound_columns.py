@@ -64,7 +64,7 @@ class BoundColumns:
         if titles := [x for x in columns if x in self.places and x[0] in letters]:
             remark(
                 f"{name}: {', '.join(titles)} are not used: with a disturbance_matrix they bound "
-                "w, and this kind uses the box around its effect."
+                "w, with d_bounds b without D d, and this kind uses the box around all of it."
             )
 
 

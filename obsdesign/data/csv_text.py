@@ -27,7 +27,7 @@ def estimate_line(estimate: Estimate) -> str:
         numbers += np.column_stack([estimate.lower, estimate.upper]).reshape(-1).tolist()
     if estimate.d is not None:
         numbers += estimate.d.tolist()
-    for pairs in (estimate.directions, estimate.lagged):
+    for pairs in (estimate.d_bounds, estimate.directions, estimate.lagged):
         if pairs is not None:
             numbers += pairs.T.reshape(-1).tolist()
     return ",".join([*map(_cell, numbers), estimate.status.replace(",", ";")])

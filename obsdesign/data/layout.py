@@ -43,7 +43,7 @@ class Layout:
         """The layout of the samples that the observer of a design reads, and their bounds.
 
         Where b = Bw w or c = W w, columns are of w: an observer that has no use for the matrix
-        knows the box around b or c alone, which they do not narrow.
+        knows the box around b or c alone, which they do not narrow; likewise around b + D d.
         """
         layout, bounds = Layout.from_reads(observer.reads), observer.declared_bounds
         clocks = ClockColumns.from_problem(design.problem, has_events=layout.jump)
@@ -61,6 +61,8 @@ class Layout:
             )
             if "disturbance_matrix" in _block(design.problem, block) and gain not in design.gains
         ]
+        if "d_bounds" in _block(design.problem, "flow") and "D" not in design.gains:
+            folded.append("b")
         return replace(layout, bounds=bounds, unused="".join(folded))
 
     def columns(self, header: Sequence[str] = ()) -> tuple[str, ...]:

@@ -117,7 +117,7 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
     flow, p = plant.flow, plant.p
     inputs, unknowns = _columns(flow.B), _columns(flow.D)
     b = _bounded(flow.lower, flow.upper, kind, rows, rng)
-    d = _bounded(-np.ones(unknowns), np.ones(unknowns), kind, rows, rng)
+    d = _unknown_input(flow, unknowns, kind, rows, rng)
     # a jump has no duration: a sine is sampled there
     word = "random" if kind == "sine" else kind
     boxes = [(event.lower, event.upper) for event in plant.events]
@@ -171,6 +171,18 @@ def _bounded(
     else:
         held = rng.uniform(0, 1, (rows, size)) * (upper - lower) + lower
     return Bounded(np.clip(held, lower, upper), still, still, still)
+
+
+def _unknown_input(
+    flow: Flow, q: int, kind: str, rows: int, rng: np.random.Generator
+) -> Bounded:  # fmt: skip
+    """d inside its bounds, +-1 without any; with a rate of change a sine, or still."""
+    own = flow.d_bounds
+    lower, upper = (-np.ones(q), np.ones(q)) if own is None else (own.lower, own.upper)
+    if own is None or own.rate is None or kind not in ("random", "sine"):
+        return _bounded(lower, upper, kind, rows, rng)
+    sine = _bounded(lower, upper, "sine", rows, rng)
+    return replace(sine, amplitude=np.minimum(sine.amplitude, own.rate / sine.omega))
 
 
 def _generator(flow: Flow, b: Bounded, d: Bounded) -> Matrix:

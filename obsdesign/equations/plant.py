@@ -24,6 +24,22 @@ class Disturbed(Protocol):
         """Upper bound (n,), or of w (k,)."""
 
 
+class InputBounds(Protocol):
+    """Bounds of an unknown input."""
+
+    @property
+    def lower(self) -> Matrix:
+        """(q,)."""
+
+    @property
+    def upper(self) -> Matrix:
+        """(q,)."""
+
+    @property
+    def rate(self) -> Matrix | None:
+        """Bounds of its rate of change (q,), None for any."""
+
+
 class Flow(Disturbed, Protocol):
     """Numbers of x' = A x + B u + b."""
 
@@ -36,8 +52,19 @@ class Flow(Disturbed, Protocol):
         """(n, m), None without a known input."""
 
     @property
+    def D(self) -> Matrix | None:
+        """(n, q), None without an unknown input."""
+
+    @property
+    def d_bounds(self) -> InputBounds | None:
+        """Bounds of the unknown input, None without any."""
+
+    @property
     def b_bounds(self) -> tuple[Matrix, Matrix]:
-        """(lower, upper) bounds of b, (n,) each."""
+        """(lower, upper) bounds of b, (n,) each, of b + D d where d is bounded."""
+
+    def disturbance_box(self) -> tuple[Matrix, Matrix]:
+        """(lower, upper) bounds of b alone, (n,) each."""
 
 
 class Jump(Disturbed, Protocol):

@@ -15,7 +15,7 @@ from obsdesign.runtime.columns import Batch, collect, named_columns
 
 
 def to_columns(estimates: Batch | Iterable[Estimate]) -> dict[str, Array]:
-    """t, x1, ..., x1_lo, x1_hi, ..., d1, ..., status: arrays of one entry per estimate.
+    """t, x1, ..., x1_lo, x1_hi, ..., d1, ..., status: arrays, an entry per estimate.
 
     estimates: what `run_batch` returns, or what `step` and `run` give one by one.
     """
@@ -24,12 +24,21 @@ def to_columns(estimates: Batch | Iterable[Estimate]) -> dict[str, Array]:
     if batch.x is not None:
         columns |= named_columns("x", batch.x)
     if batch.lower is not None and batch.upper is not None:
-        names = numbered("x", batch.lower.shape[1])
-        for name, low, high in zip(names, batch.lower.T, batch.upper.T, strict=True):
-            columns |= dict(zip(pairs([name]), (low, high), strict=True))
+        columns |= _pairs("x", "", np.stack([batch.lower, batch.upper], axis=1))
     if batch.d is not None:
         columns |= named_columns("d", batch.d)
+    for letter, suffix, own in (
+        ("d", "", batch.d_bounds), ("l", "", batch.directions), ("x", "_lag", batch.lagged),
+    ):  # fmt: skip
+        columns |= {} if own is None else _pairs(letter, suffix, own)
     return columns | {STATUS: np.array(batch.status, dtype=object)}
+
+
+def _pairs(letter: str, suffix: str, bounds: Array) -> dict[str, Array]:
+    """Columns of bounds (rows, 2, k): x1_lo, x1_hi, ..., or x1_lag_lo, ... with a suffix."""
+    names = [name + suffix for name in numbered(letter, bounds.shape[2])]
+    ends = bounds.transpose(2, 1, 0).reshape(2 * len(names), -1)
+    return dict(zip(pairs(names), ends, strict=True))
 
 
 def to_frame(estimates: Batch | Iterable[Estimate]) -> Any:

@@ -9,6 +9,7 @@ from dataclasses import fields
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from obsdesign.problem.input_bounds import InputBounds
 from obsdesign.problem.modes import Mode
 from obsdesign.problem.plant import Flow, Jump, Output
 from obsdesign.problem.schema import entry_name
@@ -22,6 +23,8 @@ def as_block(value: Value) -> Value:
         block = {name: as_block(getattr(value, name)) for name in names}
         ends = {name: block.pop(name) for name in ("lower", "upper") if name in block}
         return block | ({"disturbance": ends} if ends else {})
+    if isinstance(value, InputBounds):
+        return as_block(value.to_entry())
     if isinstance(value, Mapping):
         return {key: as_block(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

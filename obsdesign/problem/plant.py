@@ -25,8 +25,10 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import JUMP
 from obsdesign.entries import matrix, missing_entry, real, require_shape, size_text
+from obsdesign.equations.boxes import image_box
 from obsdesign.errors import InputError, naming
 from obsdesign.problem.blocks import DisturbedBlock, set_fields
+from obsdesign.problem.input_bounds import InputBounds
 from obsdesign.problem.modes import Mode, check_modes
 from obsdesign.problem.output import IRREGULAR, stacked
 from obsdesign.problem.output import Output as Output
@@ -47,7 +49,8 @@ class Flow(DisturbedBlock):
 
     A (n, n); B (n, m): known input; D (n, q): unknown input; lower, upper (n,): zero by default.
     With a disturbance_matrix Bw (n, k), b = Bw w(t) and lower, upper (k,) are bounds of w.
-    InputError where sizes do not agree, numbers are not finite or bounds are crossed.
+    d_bounds: of d, None where there are none. InputError where sizes do not agree, numbers are not
+    finite or bounds are crossed.
     """
 
     A: Matrix = file_entry(ref("matrix"), "n x n.")
@@ -60,6 +63,9 @@ class Flow(DisturbedBlock):
     disturbance_matrix: Matrix | None = file_entry(
         ref("matrix"), "n x k: b = Bw w, and disturbance bounds w.", default=None
     )
+    d_bounds: InputBounds | None = file_entry(
+        ref("input_bounds"), "Bounds of d and, optional, of its rate of change.", default=None
+    )
 
     def __post_init__(self) -> None:
         A = matrix(self.A, "flow.A")
@@ -70,11 +76,17 @@ class Flow(DisturbedBlock):
         set_fields(self, A=A, **self.matrices("flow", names, n, f"flow.A ({size_text(A)})"))
         lower, upper = self.checked_bounds("flow", n)
         set_fields(self, lower=lower, upper=upper)
+        if self.d_bounds is not None:
+            set_fields(self, d_bounds=InputBounds.from_entry(self.d_bounds, self.D))
 
     @property
     def b_bounds(self) -> tuple[Matrix, Matrix]:
-        """(lower, upper) of b, (n,): the box around all Bw w, rounded outward."""
-        return self.disturbance_box()
+        """(lower, upper) of b, (n,), D d included where d is bounded; rounded outward."""
+        if self.D is None or self.d_bounds is None:
+            return self.disturbance_box()
+        columns = np.hstack([self.disturbance_columns, self.D])
+        lower = np.concatenate([self.lower, self.d_bounds.lower])
+        return image_box(columns, lower, np.concatenate([self.upper, self.d_bounds.upper]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,6 +131,13 @@ DEFINITIONS: Mapping[str, Fragment] = {
         "required": ["lower", "upper"],
         "additionalProperties": False,
     },
+    "input_bounds": {
+        "type": "object",
+        "title": "a table { lower = [...], upper = [...], rate = [...] }, the rate optional",
+        "properties": {name: ref("vector") for name in ("lower", "upper", "rate")},
+        "required": ["lower", "upper"],
+        "additionalProperties": False,
+    },
     "memory": {
         "anyOf": [{"const": AUTO}, {"type": "integer", "minimum": 0}],
         "title": f'"{AUTO}" or a whole number >= 0',

@@ -62,7 +62,8 @@ class Estimate(NamedTuple):
     since the row before; events: detected impulses, or jumps and violations (interval bounds),
     which `Observer.event_cells` turns into rows of an event file. status: "ok", or why the
     guarantee does not hold. directions (2, r): lower and upper bounds of l'x for further rows l;
-    lagged (2, n): bounds of the state some rows ago, NaN where there are none yet.
+    lagged (2, n): bounds of the state some rows ago, NaN where there are none yet; d_bounds (2, q):
+    of the unknown input.
     """
 
     t: float
@@ -74,6 +75,7 @@ class Estimate(NamedTuple):
     status: str = "ok"
     directions: Matrix | None = None
     lagged: Matrix | None = None
+    d_bounds: Matrix | None = None
 
 
 class Observer(Protocol):

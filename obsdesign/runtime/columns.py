@@ -88,9 +88,10 @@ class Batch:
     events: tuple[Event, ...] = ()  # of all rows, in order
     directions: Matrix | None = None  # (rows, 2, r)
     lagged: Matrix | None = None  # (rows, 2, n)
+    d_bounds: Matrix | None = None  # (rows, 2, q)
 
 
-_STACKED = ("x", "lower", "upper", "d", "directions", "lagged")
+_STACKED = ("x", "lower", "upper", "d", "directions", "lagged", "d_bounds")
 
 
 def collect(estimates: Iterable[Estimate]) -> Batch:

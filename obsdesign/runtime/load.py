@@ -44,6 +44,10 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
         from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver
 
         return ClockedIntervalObserver
+    if known.name == "set_membership" and "d_rate" in gains:
+        from obsdesign.runtime.set_membership.input_bounds import InputBoundsObserver
+
+        return InputBoundsObserver
     classes = vars(importlib.import_module(known.module("observer")))
     return cast(RunnableKind, classes[known.observer])
 
@@ -78,7 +82,12 @@ _REPEATED = (
     ("jump_disturbance_matrix", "jump", "disturbance_matrix"),
 )  # fmt: skip
 # the same, of one kind: elsewhere the name is a matrix of the observer
-_REPEATED_BY_KIND = {"impulsive_input": (("H", "jump", "H"),)}
+_REPEATED_BY_KIND = {
+    "impulsive_input": (("H", "jump", "H"),), "set_membership": (
+        ("D", "flow", "D"), ("d_lower", "flow.d_bounds", "lower"),
+        ("d_upper", "flow.d_bounds", "upper"), ("d_rate", "flow.d_bounds", "rate"),
+    ),
+}  # fmt: skip
 
 
 def _same_plant(design: Design) -> None:
@@ -87,6 +96,8 @@ def _same_plant(design: Design) -> None:
         _same_modes(design)
         return
     blocks = plain_blocks(design.problem)
+    flow = blocks.get("flow")
+    blocks = {**blocks, "flow.d_bounds": flow.get("d_bounds") if isinstance(flow, dict) else None}
     for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = blocks.get(block)
         stated = table.get(key) if isinstance(table, dict) else None

@@ -84,7 +84,7 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("observer.gains.L", [[0, 1]], "observer.gains.L must be 2x1 (n x p, n states, p outputs); got 1x2. Is it transposed?"),
     ("observer.kind", REMOVE, "observer.kind is required; it is missing. It is one of interval, set_membership, luenberger, impulsive, finite_time, impulsive_input, unknown_input; `obsdesign check` lists which of them fit this plant."),
     ("jump.dwell_time", REMOVE, "jump.dwell_time = [shortest, longest] is required by kind 'interval'; it is missing."),
-    ("flow.D", [[1], [0]], "flow.D is refused by kind 'interval': an unknown input without bounds leaves no bounds on the state. Give bounds as flow.disturbance."),
+    ("flow.D", [[1], [0]], "flow.D is refused by kind 'interval': an unknown input without bounds leaves no bounds on the state. Give bounds as flow.d_bounds."),
     ("jump.H", [[1], [0]], "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds on the state. Give bounds as jump.disturbance."),
 ]  # fmt: skip
 

@@ -19,7 +19,7 @@ from obsdesign.equations.gains import (
     plant_data,
     word,
 )
-from obsdesign.equations.plant import Disturbed, Plant
+from obsdesign.equations.plant import Disturbed, Flow, Plant
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 IRREGULAR = "irregular"
@@ -37,6 +37,9 @@ class SetMembershipGains(PlantGains):
 
     events, sensors: those of a plant with several clocks, which has no other entries of a jump; its
     outputs are those of all sensors, one above the other, and measured is "irregular".
+
+    D (n, q), d_lower, d_upper (q,): an unknown input d between these bounds acts as D d, None
+    without one; d_rate (q,): bounds of |d'|, with which d is estimated too, None for any.
 
     multipliers (phases, n, window, p): of upper bounds of x_1 ... x_n for a full window of the
     nominal pattern, oldest stage first; those of lower bounds are their negatives. They are sound
@@ -58,12 +61,19 @@ class SetMembershipGains(PlantGains):
     jump_disturbance_matrix: Array | None = matrix("n", "j", optional=True)
     jump_disturbance_lower: Array | None = matrix("j", optional=True)
     jump_disturbance_upper: Array | None = matrix("j", optional=True)
+    D: Array | None = matrix("n", "q", optional=True)
+    d_lower: Array | None = matrix("q", optional=True)
+    d_upper: Array | None = matrix("q", optional=True)
+    d_rate: Array | None = matrix("q", optional=True)
     multipliers: Array | None = matrix("phases", "n", "window", "p", optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for prefix in ("", "jump_"):
-            names = [f"{prefix}disturbance_{part}" for part in ("matrix", "lower", "upper")]
+        groups = [
+            [f"{prefix}disturbance_{part}" for part in ("matrix", "lower", "upper")]
+            for prefix in ("", "jump_")
+        ]
+        for names in (*groups, ["D", "d_lower", "d_upper"]):
             stated = [getattr(self, name) is not None for name in names]
             if any(stated) and not all(stated):
                 missing = names[stated.index(False)]
@@ -85,6 +95,16 @@ class SetMembershipGains(PlantGains):
 
     @property
     def flow_disturbance(self) -> tuple[Array, Array, Array]:
+        """(Bw, lower, upper) of w, then of d: b + D d = Bw w with w in the box."""
+        columns, lower, upper = self.declared_disturbance
+        if self.D is None:
+            return columns, lower, upper
+        ends = zip((lower, upper), (_present(self.d_lower), _present(self.d_upper)), strict=True)
+        low, high = (np.concatenate(pair) for pair in ends)
+        return np.hstack([columns, self.D]), low, high
+
+    @property
+    def declared_disturbance(self) -> tuple[Array, Array, Array]:
         """(Bw, lower, upper): b = Bw w with w in the box; Bw = I where the box is b's own."""
         if self.disturbance_matrix is None:
             return np.eye(self.n), self.flow_lower, self.flow_upper
@@ -135,6 +155,8 @@ def plant_entries(plant: Plant) -> NewEntries:
     entries = plant_data(plant) if plant.has_one_clock else clock_data(plant)
     if plant.flow.disturbance_matrix is not None:
         entries |= _bounded("", plant.flow)
+    if plant.flow.d_bounds is not None:
+        entries |= _unknown_input(plant.flow)
     if not plant.has_one_clock:
         return entries | {"measured": IRREGULAR}
     if plant.output.period is not None:
@@ -150,3 +172,12 @@ def _bounded(prefix: str, block: Disturbed) -> NewEntries:
         f"{prefix}disturbance_lower": block.lower,
         f"{prefix}disturbance_upper": block.upper,
     }
+
+
+def _unknown_input(flow: Flow) -> NewEntries:
+    """The bounded unknown input, which is then no part of the bounds of b."""
+    own = flow.d_bounds
+    assert own is not None
+    ends = dict(zip(("flow_lower", "flow_upper"), flow.disturbance_box(), strict=True))
+    rate = {} if own.rate is None else {"d_rate": own.rate}
+    return {**ends, "D": flow.D, "d_lower": own.lower, "d_upper": own.upper, **rate}

@@ -68,6 +68,8 @@ class Pattern:
 
 def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:
     """The pattern of a design, or the reason for which there is none."""
+    if gains.d_rate is not None:
+        return "the unknown input is estimated too, and no width of both is proved"
     if gains.sensors:
         return "events and sensors keep times of their own, and no pattern of rows repeats itself"
     if gains.measured == "continuous":

@@ -83,7 +83,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     def declared_bounds(self) -> DeclaredBounds:
         """Bounds of b (or w of b = Bw w), c and v that those of a row must not exceed."""
         model = self._model
-        b = DeclaredBox("b", model.flow.lower, model.flow.upper)
+        own = len(self.gains.declared_disturbance[1])
+        b = DeclaredBox("b", model.flow.lower[:own], model.flow.upper[:own])
         # those of a row are of the one jump
         jumps = [] if self.gains.G is None else model.jumps
         c = next((DeclaredBox("c", jump.c.lower, jump.c.upper) for jump in jumps), None)
@@ -243,7 +244,9 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         return sampled_strip(y, *self.declared_bounds.v.completed(pair))
 
     def _held(self, own: Bounds) -> Matrix:
-        return np.stack(self.declared_bounds.b.completed(own.b))
+        stated = np.stack(self.declared_bounds.b.completed(own.b))
+        flow = self._model.flow  # behind them those of an unknown input
+        return np.hstack([stated, np.stack([flow.lower, flow.upper])[:, stated.shape[1] :]])
 
     def _estimate(
         self, t: float, result: Result, events: tuple[tuple[float, str], ...], status: str

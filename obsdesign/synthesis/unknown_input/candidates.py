@@ -122,7 +122,7 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, UnknownInputGains]:
         balanced, Ta=Ta / sizes[:, None], T=T * sizes, N=N, Z=Z, hidden=hidden
     )
     label, L = reduced_gain(problem, reduced, root)
-    B = equations.known_inputs(flow.B, *flow.b_bounds)
+    B = equations.known_inputs(flow.B, *flow.disturbance_box())
     plant = equations.PlantMatrices(flow.A, B, C, D)
     matrices = equations.observer_matrices(plant, T1, T, N=N, Z=Z, L=L)
     chosen = differentiator(options.differentiator, output.noise_std)

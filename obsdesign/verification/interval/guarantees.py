@@ -38,8 +38,10 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     measured = in_every_period(skips) if is_periodic else measured
     bounded = _present(verdicts, ("hurwitz", "dwell_stability"))
     bounded = ["sampled_stability"] if is_periodic else bounded
+    has_input = plant.flow.d_bounds is not None
+    enclosure = _ENCLOSURE.replace("b, c and", "b, c, d and") if has_input else _ENCLOSURE
     sentences = [
-        (_ENCLOSURE, enclosing),
+        (enclosure, enclosing),
         (_bounded_width(problem, claims, measured), enclosing + bounded),
         *((f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the width")),
     ]

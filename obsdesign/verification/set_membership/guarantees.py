@@ -18,6 +18,14 @@ _ENCLOSURE = (
     "inside their bounds and jumps are reported at their times; this holds for samples at any "
     "spacing, missing ones included, for any dwell time and whatever the rounding."
 )
+_INPUT = (
+    "The bounds of d contain the unknown input at every row, if it stays inside flow.d_bounds and "
+    "changes no faster than flow.d_bounds.rate."
+)
+_NO_RATE = (
+    "No bounds of the unknown input narrower than flow.d_bounds exist, since flow.d_bounds.rate is "
+    "not stated: a short spike of d leaves no trace in y."
+)
 _CONTRADICTION = (
     "Bounds that cross prove that plant, declared bounds and data contradict each other; the "
     "samples whose multipliers prove it are named."
@@ -27,7 +35,11 @@ _CONTRADICTION = (
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
     verdicts = {claim.id: claim.verdict for claim in claims}
-    sentences = [(_ENCLOSURE, ["consistent"]), (_CONTRADICTION, ["consistent"])]
+    own = problem.plant.flow.d_bounds
+    enclosure = _ENCLOSURE if own is None else _ENCLOSURE.replace("b, c and v", "b, c, d and v")
+    sentences = [(enclosure, ["consistent"]), (_CONTRADICTION, ["consistent"])]
+    if own is not None and own.rate is not None:
+        sentences.insert(1, (_INPUT, ["consistent"]))
     rows = states(problem, claims)
     widths = [row.width for row in rows]
     if None not in widths:
@@ -41,11 +53,13 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
     """Where the data alone tell how narrow the bounds are."""
+    own = problem.plant.flow.d_bounds
+    spikes = (_NO_RATE,) if own is not None and own.rate is None else ()
     if any(claim.id == "width" for claim in claims):
-        return ()
+        return spikes
     pattern = pattern_of(problem.plant)
     why = pattern if isinstance(pattern, str) else "no tube was found on the nominal pattern"
-    return (f"No width of the bounds is proved: {why}. The bounds of each row hold.",)
+    return (f"No width of the bounds is proved: {why}. The bounds of each row hold.", *spikes)
 
 
 def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:

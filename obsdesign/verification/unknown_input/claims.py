@@ -175,7 +175,7 @@ def _in_balancing_units(
 ) -> tuple[PlantMatrices, ObserverMatrices, float]:
     """Plant, observer with all signals of about unit size, exactly, so that sizes compare; pace."""
     flow, C = problem.plant.flow, problem.plant.output.C
-    B = equations.known_inputs(flow.B, *flow.b_bounds)
+    B = equations.known_inputs(flow.B, *flow.disturbance_box())
     assert flow.D is not None
     sizes, pace = balancing_units(flow.A, C, flow.D)
     plant = PlantMatrices(flow.A, B, C, flow.D)

@@ -123,7 +123,7 @@ def test_samples_that_alias_a_mode_leave_no_narrow_bounds(period: float, is_narr
     ("entry", "value", "named"),
     [
         ("output.noise_bound", None, r"output\.noise_bound is required .* missing"),
-        ("flow.D", [[1], [0], [0]], r"flow\.D is refused .* Give bounds as flow\.disturbance"),
+        ("flow.D", [[1], [0], [0]], r"flow\.D is refused .* Give bounds as flow\.d_bounds"),
         ("flow.disturbance", {"lower": [0] * 3, "upper": [0, 0, "inf"]},
          r"flow\.disturbance\.upper, entry 3 must be a number"),
     ],
