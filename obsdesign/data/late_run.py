@@ -37,9 +37,12 @@ def arrivals_of(
     """The order of rows that may be late, with those that wait since the last part."""
     stored = Progress(None) if stored is None else stored
     waiting = [row.sample for row in stored.late]
-    buffer = LateRows(
-        layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now
-    )  # fmt: skip
+    try:
+        buffer = LateRows(
+            layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now
+        )  # fmt: skip
+    except ValueError as error:
+        raise InputError(f"--state: not a state of this design: {error}") from None
     return Arrivals(buffer, remark, is_stream, watch)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import cast
 
@@ -93,7 +94,13 @@ def stored_progress(
     text = read_text(path)
     if initial is not None:
         raise InputError(f"--initial: {path} says where the observer stands; give one of them.")
-    return progress_from_text(text, design, observer, path)
+    progress = progress_from_text(text, design, observer, path)
+    with _of_this_design():  # do the rows that wait fit the design? A step has no other effect
+        state = progress.state
+        for row in progress.late:
+            state = observer.start(row.t, progress.initial) if state is None else state
+            state, _ = observer.step(state, row.sample)
+    return progress
 
 
 def refuse_whole_records(observer: Observer, why: str) -> None:
@@ -113,11 +120,18 @@ def starting_progress(
         return Progress(observer.start(first.t, initial))
     if progress.state is None:
         return replace(progress, state=observer.start(first.t, progress.initial))
-    try:  # a step has no effect but its result: do the sizes of what was stored fit the design?
+    with _of_this_design():  # do the sizes of what was stored fit the design?
         list(Stream(observer, progress).estimates(iter([first])))
+    return progress
+
+
+@contextmanager
+def _of_this_design() -> Iterator[None]:
+    """InputError for whatever goes wrong with stored numbers."""
+    try:
+        yield
     except InputError:
         raise
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"--state: not a state of this design: {reason}") from None
-    return progress

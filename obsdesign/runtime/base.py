@@ -78,6 +78,10 @@ class Estimate(NamedTuple):
     d_bounds: Matrix | None = None
 
 
+# fields of an estimate behind its status, of kinds that have none of them
+NOTHING_FURTHER = Estimate(0.0)[7:]
+
+
 class Observer(Protocol):
     """A frozen set of parameters; `step` has no effect but its result.
 

@@ -24,6 +24,7 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import (
     MODERATE,
+    NOTHING_FURTHER,
     Estimate,
     Sample,
     by_position,
@@ -259,4 +260,6 @@ def _usual_step(
             return None
     fields = (t, ends, state.u, v[y_end], state.guard, True, t, "", t, True, None, None)
     following = by_position(IntervalState, fields)
-    return following, by_position(Estimate, (t, None, lower, upper, None, (), "ok", None, None))
+    return following, by_position(
+        Estimate, (t, None, lower, upper, None, (), "ok", *NOTHING_FURTHER)
+    )  # fmt: skip

@@ -29,6 +29,7 @@ from obsdesign.column_names import numbered
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.runtime.base import (
     MODERATE,
+    NOTHING_FURTHER,
     Estimate,
     Sample,
     Stepped,
@@ -193,7 +194,9 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             moderate = hypot(*u.tolist()) < MODERATE
         fields = (t, t, x, w, y, u, None, slope, interval, True, moderate)
         following = by_position(UnknownInputState, fields)
-        return following, by_position(Estimate, (t, x, None, None, d, (), status, None, None))
+        return following, by_position(
+            Estimate, (t, x, None, None, d, (), status, *NOTHING_FURTHER)
+        )  # fmt: skip
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""

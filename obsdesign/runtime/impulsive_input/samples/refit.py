@@ -47,7 +47,8 @@ class Refit:
         times = np.array([at.row.t for at in known])
         low, high = _allowed(model, known, period)
         first = min(covered[0], int(np.searchsorted(times, low, side="right")) - 1)
-        last = max(covered[1], int(np.searchsorted(times, high)))
+        # an onset of a grid as coarse as the period may lie behind rows that are close together
+        last = max(covered[1], min(int(np.searchsorted(times, high)), len(times) - 1))
         rows = [at.row for at in known[first + 1 :]]
         cells = model.window(known[first], rows, float(times[last]))
         grid = _grid(model, cells, float(times[first]), float(times[last]), period / ONSETS)
