@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from obsdesign.analysis.interval.clock_system import ClockSystem
 
 # parts of the time since an event beyond its shortest time, each larger than the one before
 _PARTS_BEYOND, _LARGER = 8, 1.5
+# bits of the length of the shortest part of the time since an event
+_BITS = 20
 MOST_CELLS = 256
 
 
@@ -220,17 +222,17 @@ class _Builder:
         if self.longest is None:
             width = self.shortest / self.cells or Fraction(1)
             for _ in range(beyond):
-                ends.append(_last(ends) + width)
+                ends.append((ends[-1] or Fraction(0)) + width)
                 width *= Fraction(_LARGER)
             ends.append(None)
         elif self.longest > self.shortest:
             total = sum(Fraction(_LARGER) ** k for k in range(beyond))
             width = (self.longest - self.shortest) / total
             for _ in range(beyond - 1):
-                ends.append(_last(ends) + width)
+                ends.append((ends[-1] or Fraction(0)) + width)
                 width *= Fraction(_LARGER)
             ends.append(self.longest)
-        return Cells(tuple(ends) if len(ends) > 1 else (Fraction(0), Fraction(0)))
+        return Cells(_short(ends, self.shortest) if len(ends) > 1 else (Fraction(0), Fraction(0)))
 
     def _at_time(
         self, parts: Cells, places: range, part: int, times: tuple[Fraction, Fraction | None]
@@ -253,9 +255,19 @@ class _Builder:
             yield from _held(self.n, through, [*since, *ends], self.system.touched(sensor))
 
 
-def _last(ends: Sequence[Fraction | None]) -> Fraction:
-    assert ends[-1] is not None
-    return ends[-1]
+def _short(ends: Sequence[Fraction | None], stated: Fraction) -> tuple[Fraction | None, ...]:
+    """The ends, those inside moved to short binary fractions but for one that is stated.
+
+    The lengths of parts are floats then.
+
+    A passage of one time alone, rounded outward, would be a range that no proof can divide.
+    """
+    widths = [b - a for a, b in pairwise([end for end in ends if end is not None])]
+    unit = Fraction(2) ** (math.frexp(min(widths, default=Fraction(1)))[1] - _BITS)
+    inside = [
+        end if end is None or end == stated else round(end / unit) * unit for end in ends[1:-1]
+    ]
+    return (ends[0], *inside, ends[-1])
 
 
 def _overlapping(

@@ -189,3 +189,12 @@ def test_a_tube_of_other_clocks_is_not_believed() -> None:
     good, bad = (obsdesign.design(Problem.from_dict(motor(gap, 0.15)), allow_undecided=True)
                  for gap in (0.015, 0.03))  # fmt: skip
     assert obsdesign.verify(replace(bad, claims=good.claims)).verdict != "proved"
+
+
+@pytest.mark.parametrize("every", [(1.3, 1.3), (1.3, 1.9), (1.3, "inf"), (1.3, 40)])
+def test_widths_are_proved_for_ranges_of_all_lengths(every: tuple[float, Any]) -> None:
+    """A longer range never has the smaller width."""
+    width = claims_of(two_states(every, 0.2))["event_width"]
+    assert width.verdict == "proved"
+    assert (np.array(width.evidence["always"]) >= (2.43, 2.05)).all()
+    assert (np.array(width.evidence["always"]) <= (2.45, 2.08)).all()
