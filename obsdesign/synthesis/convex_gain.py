@@ -135,19 +135,21 @@ class ConvexGain:
             result.append(formulas.disc_inequality(PK, P, centre, radius))
         return result
 
-    def blocks(self, X: Array, output: Array, P: Expression, Z: Expression) -> list[Expression]:
+    def blocks(
+        self, error: tuple[Array, Array], P: Expression, Z: Expression, pace: float = 1.0
+    ) -> list[Expression]:
         """Constraints that P (X - K output) is in the regions, for diagonal P = diag(p), Z = P K.
 
-        P: p (n,), Z (n, p): CVXPY expressions, in coordinates in which the error's matrix is X - K
-        output.
+        P: p (n,), Z (n, p): CVXPY expressions, in coordinates and units of `pace` in which the
+        error's matrix is X - K output; error: (X, output).
         """
         import cvxpy as cp
 
-        n, count = Z.shape
+        (X, output), (n, count) = error, Z.shape
 
         def inequality(p: Array, z: Array, k: int) -> Array:
             weight = np.diag(p[:, 0])
-            return self.inequalities(weight @ X - z @ output, weight)[k][None]
+            return self.inequalities(weight @ X - z @ output, weight, pace)[k][None]
 
         zeros = np.zeros((n, n))
         unknowns = [Unknown(n, 1), Unknown(n, count)]

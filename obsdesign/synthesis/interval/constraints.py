@@ -50,15 +50,18 @@ def diagonal_constraints(
     error: tuple[Array, Array],
     S: Matrix,
     rows: Matrix,
+    *,
+    pace: float = 1.0,
 ) -> list[Expression]:
     """Constraints on a gain K, for p (n,) > 0 and U = diag(p) K (n, p) in z and y / rows.
 
-    values: p, U; error: (X, output), where X - K output is the matrix of the error in z.
+    values: p, U; error: (X, output), where X - K output is the matrix of the error in z; pace:
+    units of time of a gain of the flow and its error to one of the plant's.
     """
     import cvxpy as cp
 
     p, U = values
     inward = np.linalg.inv(S)
     P, PK = inward.T @ cp.diag(p) @ inward, inward.T @ U @ np.diag(1 / rows)
-    stated = entry.constraints(np.ones(len(S)))([P, PK])
-    return [*stated, *entry.blocks(*error, p, U)]
+    stated = entry.constraints(np.ones(len(S)), pace)([P, PK])
+    return [*stated, *entry.blocks(error, p, U, pace)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,26 +134,28 @@ def _simplex(S: Matrix) -> Matrix:
 def _bases(gains: GainSearch) -> Iterator[Matrix]:
     """Yield candidates for S, without repetition; the plant's own coordinates if there are none."""
     plant, yielded = gains.problem.plant, list[Matrix]()
-    for L in _flow_gains(plant, gains.given):
+    for L in _flow_gains(gains):
         M = gains.given.get("M", np.zeros((plant.n, plant.p)))
         for S in bases(plant, L, M, gains.units):
-            if not any(np.allclose(S, other) for other in yielded):
-                yielded.append(S)
+            own = S / gains.units.sizes[:, None]
+            if not any(np.allclose(own, other) for other in yielded):
+                yielded.append(own)
                 yield S
     if not yielded:  # eigenvectors of a defective matrix are dependent: a search starts here
         yield np.diag(gains.units.sizes)
 
 
-def _flow_gains(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
+def _flow_gains(gains: GainSearch) -> Iterator[Matrix]:
     """Yield L as given; else zero and a few of growing speed."""
-    if "L" in given:
-        yield given["L"]
+    if "L" in gains.given:
+        yield gains.given["L"]
         return
+    plant, units = gains.problem.plant, gains.units
     yield np.zeros((plant.n, plant.p))
-    speed = spectral_radius(plant.flow.A)
+    speed = spectral_radius(units.A)
     for factor in (0.0, 1.0, 4.0):
         try:
-            yield riccati_gain(plant.flow.A, plant.output.C, None, factor * speed)
+            yield units.flow_gain(riccati_gain(units.A, units.C, None, factor * speed))
         except np.linalg.LinAlgError:  # no finite solution in floats: not this one
             continue
 

@@ -137,6 +137,7 @@ def _gain_constraints(task: Task, variables: _Variables, x: Expression) -> list[
     k = len(zeta)
     holds = []
     for name, entry in task.constraints.items():
+        pace = task.pace if name == "L" else 1.0
         if name == "L":
             P = sum(x[row] for row in zeta) / k
             gain = sum(x[U[0, i]] - x[U[1, i]] for i in range(k)) / k
@@ -145,7 +146,9 @@ def _gain_constraints(task: Task, variables: _Variables, x: Expression) -> list[
             assert task.G is not None
             P, gain = x[zeta[0]], x[Z[0]] - x[Z[1]]
             X, output = task.G, task.C_jump
-        holds += diagonal_constraints(entry, (P, gain), (X, output), task.S, task.rows)
+        holds += diagonal_constraints(
+            entry, (P, gain), (X, output), task.S, task.rows, pace=pace
+        )  # fmt: skip
     return holds
 
 

@@ -33,13 +33,8 @@ from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
 from obsdesign.synthesis.interval.constraints import diagonal_constraints, program_minimum
-from obsdesign.synthesis.interval.task import (
-    at_most,
-    balanced_units,
-    given_limit,
-    sampling_limit,
-    width_weights,
-)
+from obsdesign.synthesis.interval.task import at_most, width_weights
+from obsdesign.synthesis.interval.units import balanced_units, given_limit, sampling_limit
 
 # contraction from sample to sample: none but what the least width needs, then ever more
 CONTRACTIONS = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.2, 0.1)

@@ -1,6 +1,6 @@
 """Synthesis of gains in given coordinates: the open gains, and the width as their function.
 
-In z, x = S z, and y in units `rows`, the width system of gains (L, M) is
+In z, x = S z, y in units `rows` and time in units 1 / `pace`, the width system of gains (L, M) is
 
     W = Mz(A - L C),  N = |G - M C_J|,  f = f0 + 2 |L| V,  h = h0 + 2 |M| V
 
@@ -28,23 +28,27 @@ from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.convex_gain import ConvexGain, UserConstraints, convex_gains
+from obsdesign.synthesis.interval.units import (
+    balanced_units,
+    gain_caps,
+    given_limit,
+    pace_of_search,
+)
 
-# caps of the gains where none is given, in multiples of the plant's own size: the width goes on
-# shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
-_DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0}
 # negative entries below this share of the largest are rounding of a zero that was intended
 ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class Task:
-    """Everything in z. open_L, open_M: is the gain free; limit_L, limit_M: (n, p), may be inf.
+    """Everything in z and its time. open_L, open_M: is the gain free; limits: (n, p), may be inf.
 
     positive: form `cooperative`, A - L C Metzler and G - M C_J >= 0; weights (n,): of the width;
     pre_jump: of the width just before jumps, instead of its time average.
-    low, high: dwell times (inf, inf without jumps). S: (n, n), rows: (p,); L0, M0: given gains,
-    in z; gain_limit: largest entry of a gain in the plant's coordinates, may be inf.
-    constraints: on "L" and "M" in the plant's coordinates, those of gains that are open.
+    low, high: dwell times (inf, inf without jumps). S: (n, n), rows: (p,), pace: units of time to
+    one of the plant's; L0, M0: given gains, in z; gain_limit: largest entry of a gain in the
+    plant's coordinates, may be inf. constraints: on "L" and "M" in the plant's coordinates and
+    time, those of gains that are open.
     """
 
     A: Matrix
@@ -65,6 +69,7 @@ class Task:
     pre_jump: bool
     S: Matrix
     rows: Matrix
+    pace: float
     gain_limit: float
     L0: Matrix
     M0: Matrix
@@ -81,7 +86,7 @@ class Task:
         *,
         units: BalancedPlant | None = None,
     ) -> Task:
-        """The task in coordinates S (None: the plant's own, in balanced units).
+        """The task in coordinates S (None: the plant's own, in balanced units), in balanced time.
 
         given: L, M as far as fixed; user: constraints beside those of the problem; units:
         `balanced_units` of the problem where they are known.
@@ -97,20 +102,22 @@ class Task:
         low, high = (math.inf, math.inf) if plant.jump is None else problem.require_dwell_time()
         G, C_jump, h0 = _jump_error(plant, M, basis, inward, V)
         f0 = np.abs(inward) @ np.subtract(*plant.flow.b_bounds[::-1]) + 2 * np.abs(inward @ L) @ V
-        limit_L, limit_M = _limits(problem, S, units)
+        pace = pace_of_search(problem, units)
+        limit_L, limit_M = gain_caps(problem, S, units, pace)
         is_open = {name: name not in given and name not in idle for name in ("L", "M")}
         constraints = convex_gains(problem.options_as(IntervalOptions), user)
         return cls(
-            A=inward @ (plant.flow.A - L @ C) @ basis, G=G, C=C @ basis / units.rows[:, None],
+            A=inward @ (plant.flow.A - L @ C) @ basis / pace, G=G,
+            C=C @ basis / units.rows[:, None],
             C_jump=C_jump @ basis / units.rows[:, None],
-            f0=f0, h0=h0, V=V / units.rows, low=low, high=high,
+            f0=f0 / pace, h0=h0, V=V / units.rows, low=low * pace, high=high * pace,
             open_L=is_open["L"], open_M=is_open["M"],
             constraints={name: constraints[name] for name in constraints if is_open[name]},
             limit_L=limit_L, limit_M=limit_M, positive=positive,
             weights=width_weights(problem) @ np.abs(basis),
             pre_jump=problem.options_as(IntervalOptions).width == "pre_jump",
-            S=basis, rows=units.rows, gain_limit=given_limit(problem),
-            L0=inward @ L * units.rows, M0=inward @ M * units.rows,
+            S=basis, rows=units.rows, pace=pace, gain_limit=given_limit(problem),
+            L0=inward @ L * units.rows / pace, M0=inward @ M * units.rows,
         )  # fmt: skip
 
     def with_equal_weights(self) -> Task:
@@ -131,12 +138,18 @@ class Task:
         return any(entry.user is not None for entry in self.constraints.values())
 
     def gains(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
-        """(L, M) in the plant's coordinates, for L, M in z."""
-        return self._outward("L", self.L0 + L), self._outward("M", self.M0 + M)
+        """(L, M) in the plant's coordinates and time, for L, M in z.
 
-    def _outward(self, name: str, K: Matrix) -> Matrix:
-        """A gain in the plant's coordinates, with the zeros and the norm of its constraints."""
-        entry, whole = self.constraints.get(name), at_most(self.gain_limit, self.S @ K / self.rows)
+        With the zeros and the norm of their constraints.
+        """
+        outward = self._outward(self.L0 + L, self.M0 + M)
+        return self._rounded("L", outward[0]), self._rounded("M", outward[1])
+
+    def _outward(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
+        return self.S @ (L * self.pace) / self.rows, self.S @ M / self.rows
+
+    def _rounded(self, name: str, K: Matrix) -> Matrix:
+        entry, whole = self.constraints.get(name), at_most(self.gain_limit, K)
         return whole if entry is None else entry.rounded(whole)
 
     def within(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
@@ -147,8 +160,8 @@ class Task:
         return self.inward(*self.gains(L, M))
 
     def inward(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
-        """Open gains in z, for (L, M) in the plant's coordinates; zero where none is open."""
-        in_z = [np.linalg.solve(self.S, K * self.rows) for K in (L, M)]
+        """Open gains in z, for (L, M) in the plant's coordinates and time; zero if not open."""
+        in_z = [np.linalg.solve(self.S, K * self.rows) for K in (L / self.pace, M)]
         return np.where(self.open_L, in_z[0], 0.0), np.where(self.open_M, in_z[1], 0.0)
 
     def system(self, L: Matrix, M: Matrix) -> WidthSystem:
@@ -184,14 +197,14 @@ class Task:
     def constrained(self, L: Matrix, M: Matrix) -> Iterator[tuple[ConvexGain, Matrix, Matrix]]:
         """Yield the constraints on each open gain, the gain, and the error's matrix with it.
 
-        The gain in the plant's coordinates, without the rounding of `gains`.
+        The gain in the plant's coordinates, without the rounding of `gains`; both in its time.
         """
-        gains = {"L": self.S @ L / self.rows, "M": self.S @ M / self.rows}
+        flow_gain, jump_gain = self._outward(L, M)
         for name, entry in self.constraints.items():
             if name == "L":
-                yield entry, gains["L"], self.A - L @ self.C
+                yield entry, flow_gain, (self.A - L @ self.C) * self.pace
             elif self.G is not None:
-                yield entry, gains["M"], self.G - M @ self.C_jump
+                yield entry, jump_gain, self.G - M @ self.C_jump
 
 
 @dataclass(frozen=True)
@@ -220,17 +233,6 @@ class GainSearch:
         return balanced_units(self.problem)
 
 
-def balanced_units(problem: Problem) -> BalancedPlant:
-    """The plant in units in which disturbances and noise are of size one, if there are any."""
-    plant = problem.plant
-    units = BalancedPlant.from_plant(plant)
-    inputs = [np.subtract(*plant.flow.b_bounds[::-1]) / units.sizes / units.pace]
-    if plant.jump is not None:
-        inputs.append(np.subtract(*plant.jump.c_bounds[::-1]) / units.sizes)
-    inputs.append(problem.require_noise_bound() / units.rows)
-    return units.scaled(float(np.concatenate(inputs).max()) or 1.0)
-
-
 def width_weights(problem: Problem) -> Matrix:
     """Weights (n,) of the widths of the states, one on average."""
     n = problem.plant.n
@@ -240,31 +242,9 @@ def width_weights(problem: Problem) -> Matrix:
     return weights * (n / float(weights.sum()))
 
 
-def sampling_limit(problem: Problem, S: Matrix | None, units: BalancedPlant) -> Matrix:
-    """Cap of the gain at samples in z, (n, p): the given one, or more than any plant needs."""
-    return _caps(problem, S, units, _DEFAULT_LIMIT["feasible"])
-
-
 def at_most(limit: float, K: Matrix) -> Matrix:
     """A gain without what rounding alone took beyond the limit."""
     return np.where(np.abs(K) <= limit * (1 + ROUNDING), np.clip(K, -limit, limit), K)
-
-
-def given_limit(problem: Problem) -> float:
-    """Largest admissible entry of a gain, inf without one."""
-    limit = problem.options_as(IntervalOptions).gain_limit
-    return math.inf if limit is None else limit
-
-
-def _caps(problem: Problem, S: Matrix | None, units: BalancedPlant, largest: float) -> Matrix:
-    """Caps (n, p) of a gain in z: of the given limit of |S K|, or `largest` in balanced units."""
-    limit, plant = given_limit(problem), problem.plant
-    basis = np.diag(units.sizes) if S is None else S
-    if math.isfinite(limit):
-        reach = units.sizes if S is None else np.full(plant.n, np.abs(S).sum(axis=1).max())
-        return np.asarray(limit / reach[:, None] * units.rows)
-    size = float(np.abs(units.C).max()) * np.abs(basis / units.sizes[:, None]).sum(axis=1).max()
-    return np.full((plant.n, plant.p), largest / max(size, 1e-300))
 
 
 def _jump_error(
@@ -281,24 +261,3 @@ def _jump_error(
     added = np.abs(inward) @ np.subtract(*plant.jump.c_bounds[::-1])
     added = added + 2 * np.abs(inward @ M) @ V
     return inward @ (plant.jump.G - M @ C_jump) @ basis, C_jump, added
-
-
-def _rate(problem: Problem, units: BalancedPlant) -> float:
-    """Rate that gains of the flow are large against: of the plant, or of its jumps or samples.
-
-    The latter is a floor: a flow that does less than this in a dwell time hardly matters.
-    """
-    plant = problem.plant
-    times = problem.require_dwell_time()[::-1] if plant.jump is not None else ()
-    spans = (*times, plant.output.sample_spacing)
-    span = next((span for span in spans if 0 < span < math.inf), math.inf)
-    return max(units.pace, 1.0 / span) or 1.0
-
-
-def _limits(problem: Problem, S: Matrix | None, units: BalancedPlant) -> tuple[Matrix, Matrix]:
-    """Caps of L and M in z."""
-    factor, plant = _DEFAULT_LIMIT[objective_of(problem)], problem.plant
-    jump = 1.0 if plant.jump is None else float(np.abs(units.map(plant.jump.G)).max())
-    caps = (factor * _rate(problem, units), factor * max(jump, 1.0))
-    L, M = (_caps(problem, S, units, largest) for largest in caps)
-    return L, M

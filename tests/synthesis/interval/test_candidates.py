@@ -181,19 +181,21 @@ def test_the_task_measures_what_the_finished_gains_do(seed: int, n: int) -> None
         gains_of_form(problem, "coordinates", *task.gains(L, M), {"S": S})
     )
     rough = task.system(L, M)
-    np.testing.assert_allclose(rough.W, system.W, atol=1e-9)
+    np.testing.assert_allclose(rough.W * task.pace, system.W, atol=1e-9)
     np.testing.assert_allclose(rough.N, system.N, atol=1e-9)
-    np.testing.assert_allclose(rough.f, system.f, atol=1e-9)
+    np.testing.assert_allclose(rough.f * task.pace, system.f, atol=1e-9)
 
 
 def test_the_program_certifies_what_it_finds() -> None:
     # a feasible program at T means that its clock-dependent gains contract from T on; constant
     # ones are read off it, and those of 4.1 contract as well
     task = Task.from_problem(open_example("degue_4_1", dwell_time=[0.75, "inf"]), False, None, {})
-    gains = clock_gains(task, 0.75, 24, False, UNLIMITED)
+    gains = clock_gains(task, task.low, 24, False, UNLIMITED)
     assert gains is not None
     assert min(growth(task, L, M) for L, M in gains) < 1
-    assert clock_gains(task, 0.69, 24, False, UNLIMITED) is None  # below ln 2 there is nothing
+    assert (
+        clock_gains(task, 0.69 * task.pace, 24, False, UNLIMITED) is None
+    )  # below ln 2 there is nothing
 
 
 def test_shortest_is_where_the_radius_crosses_one() -> None:
@@ -201,7 +203,7 @@ def test_shortest_is_where_the_radius_crosses_one() -> None:
     L, M = np.array([[0.0], [1]]), np.array([[1.0], [2.8]])
     L, M = task.inward(L, M)
     theta = shortest(task, L, M)
-    assert theta == pytest.approx(math.log(2), abs=1e-9)
+    assert theta / task.pace == pytest.approx(math.log(2), abs=1e-9)
     system = task.system(L, M)
     assert max(abs(np.linalg.eigvals(expm(system.W * theta) @ system.N))) == pytest.approx(1.0)
 

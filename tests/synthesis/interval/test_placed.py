@@ -57,7 +57,8 @@ def test_the_width_contracts_at_every_dwell_time_of_the_range() -> None:
     assert growth(task, L, M) < 1
     system = task.system(L, M)
     for theta in (0.5, 0.6, 0.8, 1.0):
-        assert np.abs(np.linalg.eigvals(expm(system.W * theta) @ system.at_jumps[0])).max() < 1
+        after = expm(system.W * theta * task.pace) @ system.at_jumps[0]
+        assert np.abs(np.linalg.eigvals(after)).max() < 1
 
 
 def test_complex_pairs_are_kept_where_that_is_narrower(monkeypatch: pytest.MonkeyPatch) -> None:
