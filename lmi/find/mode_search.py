@@ -67,7 +67,7 @@ def find_modes(
         ]
         if not edges:
             return ModeSearch(_without_edges(modes, cells), (), cells)
-        proposal, attempt = _solved(modes, cells, edges, L, grids, budget)
+        proposal, attempt = _solved(modes, cells, edges, L, grids=grids, budget=budget)
         active = zip(proposal.owners, proposal.thetas, strict=True)
         stays = tuple((cells[edges[e].source].mode, theta) for e, theta in active)
         result = ModeSearch(attempt, stays, cells, proposal.coordinates)
@@ -95,8 +95,8 @@ def _without_edges(modes: Modes, cells: Sequence[ModeCell]) -> Verdict:
 
 
 def _solved(
-    modes: Modes, cells: Sequence[ModeCell], edges: Sequence[Edge], L: Array | None, grids: Grids,
-    budget: TimeBudget,
+    modes: Modes, cells: Sequence[ModeCell], edges: Sequence[Edge], L: Array | None, *,
+    grids: Grids, budget: TimeBudget,
 ) -> tuple[Proposal, Verdict]:  # fmt: skip
     """P for these cells and their proof, with as many turns as bring new theta."""
     seeds: list[Cut] = []
