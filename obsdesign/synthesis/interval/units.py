@@ -93,7 +93,7 @@ def _input_rate(problem: Problem) -> float:
     reached, rates = np.subtract(*plant.flow.b_bounds[::-1]), [0.0]
     with np.errstate(all="ignore"):
         for k in range(1, plant.n + 1):
-            seen = np.abs(plant.output.C) @ reached / noise
-            rates.append(float(seen[np.isfinite(seen)].max(initial=0.0)) ** (1 / k))
+            ratio = np.abs(plant.output.C) @ reached / noise
+            rates.append(float(ratio[np.isfinite(ratio)].max(initial=0.0)) ** (1 / k))
             reached = np.abs(plant.flow.A) @ reached
     return max(rates)
