@@ -7,6 +7,7 @@ matrices by step size.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -29,8 +30,6 @@ from obsdesign.runtime.luenberger.observer import LuenbergerObserver, Luenberger
 from obsdesign.runtime.state_marks import Past
 from obsdesign.runtime.time_stamps import time_tolerance
 
-Inner = TypeVar("Inner", IntervalState, LuenbergerState)
-
 
 class SwitchedInterval(NamedTuple):
     """State of an interval observer of modes: mode, the time of entry, the state of the bounds.
@@ -51,6 +50,9 @@ class SwitchedPoint(NamedTuple):
     inner: LuenbergerState
     mode: int | None = None
     entered: Past | None = None
+
+
+Switched = TypeVar("Switched", SwitchedInterval, SwitchedPoint)
 
 
 @dataclass(frozen=True)
@@ -94,23 +96,15 @@ class _Changes(Generic[ModeGains]):
         return getattr(second, "G", None) is None and np.array_equal(first.C, second.C)
 
 
-@dataclass(frozen=True)
-class SwitchedIntervalObserver(Stepped[SwitchedInterval]):
-    """Executes a design of kind `interval` with modes."""
+class _Switched(Stepped[Switched], Generic[Switched, ModeGains]):
+    """What observers of modes share: columns are those of any mode's observer."""
 
-    gains: SwitchedGains[IntervalGains]
-    kind = "interval"
-    finds_events = True
-
-    @classmethod
-    def from_gains(cls, gains: Entries) -> SwitchedIntervalObserver:
-        """The observer of a design's `gains`; ValueError if they do not fit each other."""
-        return cls(SwitchedGains.from_document(gains, IntervalGains))
+    gains: SwitchedGains[ModeGains]
 
     @cached_property
-    def observers(self) -> tuple[IntervalObserver, ...]:
+    @abstractmethod
+    def observers(self) -> Sequence[IntervalObserver | LuenbergerObserver]:
         """One observer for each mode."""
-        return tuple(map(IntervalObserver, self.gains.gains))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -140,6 +134,25 @@ class SwitchedIntervalObserver(Stepped[SwitchedInterval]):
     def event_cells(self, event: Event) -> Sequence[float | str]:
         """Cells of an event in an event file."""
         return self.observers[0].event_cells(event)
+
+
+@dataclass(frozen=True)
+class SwitchedIntervalObserver(_Switched[SwitchedInterval, IntervalGains]):
+    """Executes a design of kind `interval` with modes."""
+
+    gains: SwitchedGains[IntervalGains]
+    kind = "interval"
+    finds_events = True
+
+    @classmethod
+    def from_gains(cls, gains: Entries) -> SwitchedIntervalObserver:
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        return cls(SwitchedGains.from_document(gains, IntervalGains))
+
+    @cached_property
+    def observers(self) -> tuple[IntervalObserver, ...]:
+        """One observer for each mode."""
+        return tuple(map(IntervalObserver, self.gains.gains))
 
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> SwitchedInterval:
         """State at time t from bounds of x(t), before the first sample and its mode."""
@@ -188,7 +201,7 @@ class SwitchedIntervalObserver(Stepped[SwitchedInterval]):
 
 
 @dataclass(frozen=True)
-class SwitchedPointObserver(Stepped[SwitchedPoint]):
+class SwitchedPointObserver(_Switched[SwitchedPoint, LuenbergerGains]):
     """Executes a design of kind `luenberger` with modes."""
 
     gains: SwitchedGains[LuenbergerGains]
@@ -204,35 +217,6 @@ class SwitchedPointObserver(Stepped[SwitchedPoint]):
     def observers(self) -> tuple[LuenbergerObserver, ...]:
         """One observer for each mode."""
         return tuple(map(LuenbergerObserver, self.gains.gains))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Columns of the estimate after t."""
-        return self.observers[0].names
-
-    @property
-    def modes(self) -> tuple[str, ...]:
-        """Names of the modes."""
-        return self.gains.names
-
-    @property
-    def guards(self) -> Sequence[DwellGuard]:
-        """Those of every mode's observer."""
-        return self.observers[0].guards
-
-    @property
-    def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has; jumps are not reported."""
-        return {**self.observers[0].reads, "w": 0, "jump": False}
-
-    @property
-    def event_names(self) -> tuple[str, ...]:
-        """Columns of an event file: none."""
-        return ()
-
-    def event_cells(self, event: Event) -> Sequence[float | str]:
-        """TypeError: this kind has no events."""
-        return self.observers[0].event_cells(event)
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> SwitchedPoint:
         """State at time t from a guess of x(t), before the first sample and its mode."""

@@ -45,10 +45,10 @@ class Task:
 
     open_L, open_M: is the gain free; limits: (n, p), may be inf. positive: form
     `cooperative`, A - L C Metzler and G - M C_J >= 0; weights (n,): of the width; pre_jump: of the
-    width just before jumps, instead of its time average. low, high: dwell times (inf, inf without jumps). S: (n, n), rows: (p,), pace: units of time to
-    one of the plant's; L0, M0: given gains, in z; gain_limit: largest entry of a gain in the
-    plant's coordinates, may be inf. constraints: on "L" and "M" in the plant's coordinates and
-    time, those of gains that are open.
+    width just before jumps, instead of its time average. low, high: dwell times (inf, inf without
+    jumps). S: (n, n), rows: (p,), pace: units of time to one of the plant's; L0, M0: given gains,
+    in z; gain_limit: largest entry of a gain in the plant's coordinates, may be inf. constraints:
+    on "L" and "M" in the plant's coordinates and time, those of gains that are open.
     """
 
     A: Matrix
