@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.runtime import from_design
+from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
@@ -94,3 +94,20 @@ def test_an_impulse_found_late_hides_no_earlier_onset(deviation: float, is_doubt
     engine: Any = SimpleNamespace(gains=gains)
     doubts = SamplesEngine._doubts(engine, live, refit)  # type: ignore[arg-type]
     assert doubts == ([EARLIER] if is_doubted else [])
+
+
+@pytest.mark.parametrize("step", [1e-12, 1e-4, 1e-3])
+def test_rows_far_closer_together_than_the_period(step: float) -> None:
+    """An onset on a grid as coarse as the period lies behind all of them."""
+    body = {
+        "flow": {"A": [[0.001]]}, "jump": {"H": [[1.0]], "dwell_time": [3.0, "inf"]},
+        "output": {"C": [[-0.24]], "noise_std": [0.02], "measured": "periodic", "period": 0.2},
+        "observer": {"kind": "impulsive_input"},
+    }  # fmt: skip
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    y = -0.24 + 0.02 * np.random.default_rng(0).standard_normal(60)
+    y[20:] -= 0.3  # an impulse
+    rows = [Sample(k * step, np.array([value])) for k, value in enumerate(y)]
+    listed = list(observer.run(observer.start(0.0, [1.0]), rows))
+    assert len(listed) == 60
+    assert "ok" not in {each.status for each in listed if not np.isfinite(each.x).all()}
