@@ -106,8 +106,8 @@ def test_rows_far_closer_together_than_the_period(step: float) -> None:
     }  # fmt: skip
     observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
     y = -0.24 + 0.02 * np.random.default_rng(0).standard_normal(60)
-    y[20:] -= 0.3  # an impulse
+    y[35:] -= 0.3  # an impulse
     rows = [Sample(k * step, np.array([value])) for k, value in enumerate(y)]
-    listed = list(observer.run(observer.start(0.0, [1.0]), rows))
+    listed = list(observer.run(observer.start(0.0, [0.1]), rows))
     assert len(listed) == 60
     assert "ok" not in {each.status for each in listed if not np.isfinite(each.x).all()}
