@@ -18,7 +18,7 @@ from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from, state_rows
-from obsdesign.verification.kind import verification_for
+from obsdesign.verification.kind import verification_for, verification_of
 from obsdesign.version import provenance
 
 _Key = TypeVar("_Key", bound=Hashable)
@@ -281,6 +281,7 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     claim `document` compares what the design states with what was proved. InputError where
     problem and kind of the design do not agree.
     """
+    verification_of(design.kind)  # is it a kind?
     with naming("the problem inside the design"):
         problem = Problem.from_dict(design.problem)
         if problem.require_kind() != design.kind:

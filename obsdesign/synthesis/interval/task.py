@@ -143,7 +143,9 @@ class Task:
         With the zeros and the norm of their constraints.
         """
         outward = self._outward(self.L0 + L, self.M0 + M)
-        return self._rounded("L", outward[0]), self._rounded("M", outward[1])
+        # the last digit is of the change of units: a gain that cancels an entry cancels it again
+        L, M = (np.reshape([float(f"{x:.15g}") for x in K.flat], K.shape) for K in outward)
+        return self._rounded("L", L), self._rounded("M", M)
 
     def _outward(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
         return self.S @ (L * self.pace) / self.rows, self.S @ M / self.rows
