@@ -41,6 +41,11 @@ class NonmemRow:
         return self.evid in (_DOSE, _RESET_AND_DOSE)
 
     @property
+    def is_unnamed_sample(self) -> bool:
+        """Is it an observation whose compartment alone says of what?"""
+        return self.evid == _SAMPLE and self.dvid is None and self.cmt is not None
+
+    @property
     def is_reset(self) -> bool:
         """Does the system begin anew?"""
         return self.evid in (_RESET, _RESET_AND_DOSE)
@@ -48,6 +53,7 @@ class NonmemRow:
 
 def nonmem_rows(path: str) -> Iterator[NonmemRow]:
     """The lines of a data set; InputError for one that cannot be read or converted."""
+    observed = set[int | None]()
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:
             lines = (x for x in enumerate(csv.reader(stream), 1) if any(map(str.strip, x[1])))
@@ -62,7 +68,14 @@ def nonmem_rows(path: str) -> Iterator[NonmemRow]:
                         f"{where}: {len(titles)} values are required, one per column; got "
                         f"{len(cells)}."
                     )
-                yield _row(_Cells(dict(zip(titles, map(str.strip, cells), strict=True)), where))
+                row = _row(_Cells(dict(zip(titles, map(str.strip, cells), strict=True)), where))
+                observed |= {row.cmt} if row.is_unnamed_sample else set()
+                if len(observed) > 1:
+                    raise InputError(
+                        f"{where}: DVID is required where observations are of several "
+                        f"compartments; CMT is {row.cmt}, and another one before."
+                    )
+                yield row
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
     except (UnicodeDecodeError, csv.Error):

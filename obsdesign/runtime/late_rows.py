@@ -46,6 +46,7 @@ class LateRows:
         now: float = -math.inf,
     ) -> None:  # fmt: skip
         self.lag, self.now, self._may_repeat = lag, now, may_repeat
+        self._now_before = now
         self._rows = [_Row(x.t, k - len(samples), x) for k, x in enumerate(samples)]
 
     @property
@@ -59,7 +60,7 @@ class LateRows:
         rank: its place in the order of the file. ValueError for a second row of one time where rows
         may not share it.
         """
-        self.now = max(self.now, received(sample))
+        self._now_before, self.now = self.now, max(self.now, received(sample))
         if self._is_settled(sample.t):
             return None
         place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
@@ -71,8 +72,9 @@ class LateRows:
         return Arrival(self.samples, place, self._leaving)
 
     def withdraw(self, place: int) -> None:
-        """Take a row out again."""
+        """Take the last row to arrive out again: it has never come."""
         del self._rows[place]
+        self.now = self._now_before
 
     def settled(self) -> list[Sample]:
         """Take out the rows that no other can precede any more."""
@@ -129,6 +131,7 @@ class Replay:
             final = [estimate for _, estimate in self._stepped(arrival)[: arrival.leaving]]
         except ValueError:
             self._rows.withdraw(arrival.place)
+            del self._entries[arrival.place :]
             raise
         estimates = [*self.revised(arrival), *final]
         self._rows.settled()

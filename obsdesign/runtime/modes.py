@@ -7,6 +7,7 @@ matrices by step size.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,13 +35,15 @@ from obsdesign.runtime.time_stamps import time_tolerance
 class SwitchedInterval(NamedTuple):
     """State of an interval observer of modes: mode, the time of entry, the state of the bounds.
 
-    mode None: not yet known; entered None: entered before the first row.
+    mode None: not yet known; entered: time of entry into it, or of the first row; is_whole: was
+    the entry in the record?
     """
 
     t: float
     inner: IntervalState
     mode: int | None = None
-    entered: Past | None = None
+    entered: Past = -math.inf
+    is_whole: bool = False
 
 
 class SwitchedPoint(NamedTuple):
@@ -49,7 +52,8 @@ class SwitchedPoint(NamedTuple):
     t: float
     inner: LuenbergerState
     mode: int | None = None
-    entered: Past | None = None
+    entered: Past = -math.inf
+    is_whole: bool = False
 
 
 Switched = TypeVar("Switched", SwitchedInterval, SwitchedPoint)
@@ -64,6 +68,8 @@ class _Changes(Generic[ModeGains]):
     def place(self, sample: Sample, mode: int | None) -> int:
         """The mode from a sample on; ValueError for one that the design does not have."""
         names = self.gains.names
+        if sample.bounds is not None:
+            raise ValueError("bounds of a row are not used with modes.")
         if sample.mode is None:
             if mode is None:
                 raise ValueError(f"the first sample must name its mode ({', '.join(names)}).")
@@ -73,20 +79,22 @@ class _Changes(Generic[ModeGains]):
         return names.index(sample.mode)
 
     def objections(
-        self, t: float, before: int | None, entered: float | None, after: int
+        self, t: float, state: SwitchedInterval | SwitchedPoint, after: int
     ) -> list[str]:
-        """Reasons for which a row, with its change of mode if it has one, is not admissible."""
-        if before is None:
+        """Reasons for which a row, with its change of mode if it has one, is not admissible.
+
+        The stay in which a record begins may have begun before: only its longest is checked.
+        """
+        if state.mode is None:
             return []
-        span, reasons = self.gains.spans[before], []
-        if entered is not None:
-            low, high = span.every.tolist()
-            stay, slack = t - entered, time_tolerance(t - entered, t)
-            if after != before and stay < low - slack:
-                reasons.append(f"stay {stay:.9g} in {span.name} below {low:.9g}")
-            elif stay > high + slack:
-                reasons.append(f"stay {stay:.9g} in {span.name} above {high:.9g}")
-        if after != before and after not in self.gains.following[before]:
+        span, reasons = self.gains.spans[state.mode], []
+        low, high = span.every.tolist()
+        stay, slack = t - state.entered, time_tolerance(t - state.entered, t)
+        if state.is_whole and after != state.mode and stay < low - slack:
+            reasons.append(f"stay {stay:.9g} in {span.name} below {low:.9g}")
+        elif stay > high + slack:
+            reasons.append(f"stay {stay:.9g} in {span.name} above {high:.9g}")
+        if after != state.mode and after not in self.gains.following[state.mode]:
             reasons.append(f"{self.gains.names[after]} does not follow {span.name}")
         return reasons
 
@@ -168,15 +176,15 @@ class SwitchedIntervalObserver(_Switched[SwitchedInterval, IntervalGains]):
         after = changes.place(sample, state.mode)
         before = after if state.mode is None else state.mode
         inner, estimate = self.observers[before].step(state.inner, sample)
-        reasons = changes.objections(sample.t, state.mode, state.entered, after)
+        reasons = changes.objections(sample.t, state, after)
         events = list(estimate.events) + [(estimate.t, text) for text in reasons]
-        entered = state.entered
+        entered, is_whole = (estimate.t, False) if state.mode is None else state[3:]
         if after != before:
-            entered = estimate.t
+            entered, is_whole = estimate.t, True
             events.append((estimate.t, f"mode {self.modes[after]}"))
             inner, estimate = self._entered(inner, estimate, before, after)
         status = _joined(estimate.status, reasons)
-        following = SwitchedInterval(estimate.t, inner, after, entered)
+        following = SwitchedInterval(estimate.t, inner, after, entered, is_whole)
         return following, estimate._replace(events=tuple(events), status=status)
 
     def _entered(
@@ -232,16 +240,17 @@ class SwitchedPointObserver(_Switched[SwitchedPoint, LuenbergerGains]):
         after = changes.place(sample, state.mode)
         before = after if state.mode is None else state.mode
         inner, estimate = self.observers[before].step(state.inner, sample)
-        reasons = changes.objections(sample.t, state.mode, state.entered, after)
-        entered = state.entered
+        reasons = changes.objections(sample.t, state, after)
+        entered, is_whole = (estimate.t, False) if state.mode is None else state[3:]
         if after != before:
-            entered = estimate.t
+            entered, is_whole = estimate.t, True
             y = inner.y if changes.keeps_measurement(before, after) else None
             G = self.gains.gains[after].G
             x = inner.x if G is None else np.asarray(G @ inner.x)
             inner, estimate = replace(inner, x=x, y=y), estimate._replace(x=x)
         status = _joined(estimate.status, reasons)
-        return SwitchedPoint(estimate.t, inner, after, entered), estimate._replace(status=status)
+        following = SwitchedPoint(estimate.t, inner, after, entered, is_whole)
+        return following, estimate._replace(status=status)
 
 
 def _parts(estimate: Estimate) -> list[str]:

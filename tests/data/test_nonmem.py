@@ -193,6 +193,7 @@ HEAD = "ID,TIME,EVID,AMT,RATE,CMT,DV,DVID,SS,ADDL,II\n"
         (HEAD + "1,0,1,0,5,1,.,.,.,.,.\n", "AMT must be positive; got 0"),
         (HEAD + "1,0,1,-5,.,1,.,.,.,.,.\n", "AMT must be >= 0; got -5"),
         (HEAD + "1,0,1,5,.,1,.,.,1,.,12\n", "doses at steady state (SS) are not converted"),
+        (HEAD + "1,0,0,.,.,2,5,.,.,.,.\n1,1,0,.,.,3,7,.,.,.,.\n", "DVID is required where"),
         (HEAD + "1,0,1,5,.,1,.,.,.,3,.\n", "II must be positive where ADDL is; got 0"),
         (HEAD + "1,0,1,5,.,3,.,.,.,.,.\n", "CMT must be one of the plant's inputs of events (1)"),
         (HEAD + "1,0,1,5,2,1,.,.,.,.,.\n", "CMT must be one of the plant's inputs u of infusions"),

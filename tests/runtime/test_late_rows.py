@@ -143,3 +143,13 @@ def test_a_row_leaves_when_none_before_it_can_come() -> None:
     assert rows.insert(Sample(0.1), 5) is None
     # as late as it may be, though 0.9 + 0.3 is less than 1.2
     assert rows.insert(Sample(1.2 - 1.0), 6) is not None
+
+
+def test_a_row_that_is_refused_has_never_come() -> None:
+    observer, state, _ = recorded("luenberger")
+    replay = Replay(observer, state, 24.0)
+    y = np.zeros(int(observer.reads["y"]))
+    replay.take(Sample(1.0, y))
+    with pytest.raises(ValueError, match="y must have"):
+        replay.take(Sample(1000.0, np.zeros(len(y) + 1)))
+    assert [each.t for each in replay.take(Sample(2.0, y))] == [2.0]

@@ -12,6 +12,7 @@ from obsdesign.data.execution import execute
 from obsdesign.data.simulation import simulate
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
+from obsdesign.runtime.bounds import Bounds
 from obsdesign.workflow import design, investigate
 from tests.systems.switched import random_switched, valve
 
@@ -96,6 +97,13 @@ def test_guard_of_stays_and_successors(kind: str) -> None:
     assert statuses[6] == ["stay 11 in half above 10"]
     assert statuses[7] == []  # the same mode written again is no change
     assert statuses[8] == []
+    # the stay in which a record begins has lasted that long at least
+    state = observer.init(0.0, **start)  # type: ignore[attr-defined]
+    for t in (0.0, 10.0, 10.5):
+        state, estimate = observer.step(state, Sample(t, [0.0], mode="open"))
+        assert ("stay 10.5 in open above 10" in estimate.status) == (t > 10)
+    with pytest.raises(ValueError, match="bounds of a row"):
+        observer.step(state, Sample(11.0, [0.0], bounds=Bounds()))
 
 
 def test_modes_that_a_design_does_not_have() -> None:
