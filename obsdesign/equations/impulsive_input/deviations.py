@@ -82,6 +82,7 @@ class NoisyImpulses:
         Without a period of the samples the intensity is known up to a factor: that of the output
         with the largest noise is then 1.
         """
+        gains = gains.in_output_units()
         std = gains.noise_std
         if not std.all() or gains.directions > 1 or not np.linalg.eigvals(D).real.max() < 0:
             return None

@@ -58,6 +58,7 @@ class Expectations:
 
 def expectations(D: Matrix, gains: IntegralGains) -> Expectations:
     """Peak of |b|, ratio of (15), deviations of time and weight; D = A - K C."""
+    gains = gains.in_output_units()
     window = FeatureWindow(
         D, gains.C, gains.H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
     )

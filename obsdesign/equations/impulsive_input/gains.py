@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self, TypeGuard
 
 import numpy as np
@@ -94,7 +94,9 @@ class ImpulsiveInputGains(PlantGains):
 class IntegralGains(ImpulsiveInputGains):
     """Operator `integral`: K (n, p), exponents (m,) of the kernels, and when to evaluate.
 
-    threshold: |R| above which rule `threshold` evaluates.
+    threshold: |R| above which rule `threshold` evaluates. output_units (p,): in which outputs stand
+    beside each other in R, `output_units`; None for one output, and in designs of old, whose R is
+    that of y as it is.
     """
 
     operator: str = word("integral")
@@ -102,10 +104,12 @@ class IntegralGains(ImpulsiveInputGains):
     exponents: Matrix = matrix("kernels")
     rule: str = word(*RULES)
     threshold: float | None = number(optional=True)
+    output_units: Matrix | None = matrix("p", optional=True)
 
     _FILE_ORDER: ClassVar[tuple[str, ...]] = (
         "H", "window", "margin", "noise_std", "noise_cv", "nonnegative", "initial_std", "period",
         "threshold", "K", "weighting", "operator", "state_correction", "exponents", "rule",
+        "output_units",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -117,6 +121,20 @@ class IntegralGains(ImpulsiveInputGains):
                 f"gains.exponents times gains.window must be below {MAX_GROWTH_EXPONENT:g}: floats "
                 f"cannot hold what grows further; got {self.exponents.max() * self.window:g}."
             )
+        if self.output_units is not None and not (self.output_units > 0).all():
+            raise ValueError("gains.output_units must be positive.")
+
+    def in_output_units(self) -> Self:
+        """The gains for outputs in their units, the same observer of y / output_units."""
+        units = self.output_units
+        if units is None:
+            return self
+        return replace(
+            self, C=self.C / units[:, None], K=self.K * units, noise_std=self.noise_std / units,
+            noise_bound=None if self.noise_bound is None else self.noise_bound / units,
+            noise_centre=None if self.noise_centre is None else self.noise_centre / units,
+            output_units=None,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

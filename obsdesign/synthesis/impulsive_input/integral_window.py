@@ -12,6 +12,7 @@ from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input.decision_rule import threshold_for
 from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import IntegralGains
+from obsdesign.equations.impulsive_input.output_units import output_units
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
 
@@ -46,9 +47,15 @@ class IntegralWindow:
         plant = self.problem.plant
         return np.asarray(flow_error_matrix(plant.flow.A, self.K, plant.output.C))
 
+    @cached_property
+    def output_units(self) -> Matrix | None:
+        """Units of several outputs (p,), None for one."""
+        return output_units(self.problem.plant.output, self.D, self.H, self.window)
+
     def features(self, exponents: Matrix) -> FeatureWindow:
         """Return the features of a window with these exponents."""
-        C = self.problem.plant.output.C
+        C, units = self.problem.plant.output.C, self.output_units
+        C = C if units is None else C / units[:, None]
         return FeatureWindow(
             self.D, C, self.H, exponents=exponents, tau=self.window, margin=self.margin
         )
@@ -71,6 +78,7 @@ class IntegralWindow:
             exponents=exponents,
             rule=rule,
             threshold=self._threshold(exponents),
+            output_units=self.output_units,
         )
 
     def _threshold(self, exponents: Matrix) -> float | None:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries, Value
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries, Value
 from lmi.arithmetic.balls import exact, to_float
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.impulsive_input.requirements import (
@@ -42,6 +42,7 @@ from obsdesign.equations.impulsive_input.gains import (
     is_positive,
     is_whole_multiple,
 )
+from obsdesign.equations.impulsive_input.output_units import output_units
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -107,8 +108,10 @@ def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget)
     """Claims about the features of operator `integral`."""
     A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
     D = flow_error_matrix(A, exact(gains.K), C)
+    units = gains.output_units
+    seen = C if units is None else C / exact(units)[:, None]
     window = FeatureWindow(
-        D, C, H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
+        D, seen, H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
     )
     claims = [
         window_claims.hurwitz(D),
@@ -230,10 +233,30 @@ def _stored_window(plant: Plant, stored: Entries) -> FeatureWindow | None:
     if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
         return None
     C = plant.output.C
+    units = _required_units(plant, stored)
     return FeatureWindow(
-        flow_error_matrix(plant.flow.A, K, C), C, H, exponents=np.asarray(exponents, float),
+        flow_error_matrix(plant.flow.A, K, C), C if units is None else C / units[:, None], H,
+        exponents=np.asarray(exponents, float),
         tau=ends[1], margin=ends[0],
     )  # fmt: skip
+
+
+def _required_units(plant: Plant, stored: Entries) -> Matrix | None:
+    """Return the units of several outputs; None where the design is of old and has none.
+
+    Those of an impulse are computed in floats: stored ones serve that are the same but for
+    rounding.
+    """
+    K, ends = stored.get("K"), _margin_and_window(stored)
+    if "output_units" not in stored or plant.jump is None or plant.jump.H is None or ends is None:
+        return None
+    if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
+        return None
+    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
+    required, units = output_units(plant.output, D, plant.jump.H, ends[1]), stored["output_units"]
+    if required is None or not isinstance(units, np.ndarray) or units.shape != required.shape:
+        return required
+    return units if np.allclose(units, required, rtol=_ROUNDING, atol=0.0) else required
 
 
 def _required_threshold(problem: Problem, stored: Entries) -> float | None:
@@ -289,6 +312,8 @@ def _expected(problem: Problem, stored: Entries) -> NewEntries:
             "exponents": stored.get("exponents") if given is None else np.array(given),
             "rule": _required_rule(plant, stored),
         }
+        if (units := _required_units(plant, stored)) is not None:
+            expected |= {"output_units": units}
         if options.has_threshold:
             expected |= {"threshold": _required_threshold(problem, stored), "rule": "threshold"}
     return expected

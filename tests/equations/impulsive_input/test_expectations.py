@@ -31,7 +31,9 @@ def window_of(C: np.ndarray) -> FeatureWindow:
 
 def gains_of(p: int, **changes: Any) -> Any:
     plain = {"period": PERIOD, "noise_std": STD[:p], "window": TAU, "directions": 1}
-    return SimpleNamespace(**plain | changes)
+    gains = SimpleNamespace(**plain | changes)
+    gains.in_output_units = lambda: gains
+    return gains
 
 
 def responses(C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

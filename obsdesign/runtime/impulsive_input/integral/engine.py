@@ -41,17 +41,21 @@ _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
 
 @dataclass(frozen=True)
 class IntegralEngine:
-    """Parameters: the free run, its rows, and the evaluation of a window."""
+    """Parameters: the free run, its rows, and the evaluation of a window.
+
+    units (p,): in which outputs are taken in, None for y as it is.
+    """
 
     run: FreeRun
     rows: Rows
     evaluator: Evaluator
+    units: Matrix | None = None
 
     @classmethod
     def from_gains(cls, gains: IntegralGains) -> IntegralEngine:
         """The engine of a design's gains."""
-        run = FreeRun.from_gains(gains)
-        return cls(run, Rows(run), Evaluator.from_run(run))
+        run = FreeRun.from_gains(gains.in_output_units())
+        return cls(run, Rows(run), Evaluator.from_run(run), gains.output_units)
 
     # --- rows in, rows out --------------------------------------------------------------------
 
@@ -61,6 +65,7 @@ class IntegralEngine:
     ) -> tuple[Initial | IntegralLive, list[Estimate]]:
         """Rows before the first measurement are predicted; then rows wait for their window."""
         decided: list[Estimate] = []
+        y = y if self.units is None else y / self.units
         measured = np.asarray(np.isfinite(y).all(axis=1))
         start = 0
         if isinstance(live, Initial):
