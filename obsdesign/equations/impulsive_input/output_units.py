@@ -1,4 +1,4 @@
-"""Units in which several outputs stand beside each other in features: those of y do not matter.
+"""Units in which several outputs stand beside each other in features: those of y are free.
 
 |R|, by which impulses are looked for and the plain norm fits them, adds features of all outputs.
 Each is therefore divided by a unit of its output, which designs store: the deviation of its noise,

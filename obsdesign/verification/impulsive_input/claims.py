@@ -109,9 +109,9 @@ def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget)
     A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
     D = flow_error_matrix(A, exact(gains.K), C)
     units = gains.output_units
-    seen = C if units is None else C / exact(units)[:, None]
+    response = C if units is None else C / exact(units)[:, None]
     window = FeatureWindow(
-        D, seen, H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
+        D, response, H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
     )
     claims = [
         window_claims.hurwitz(D),
