@@ -56,7 +56,7 @@ def instants_of(
     events = [jump_times(event, dwell, until, rng) for event in plant.events]
     spacing = _default_step(plant, until) if step is None else step
     samples = [_sample_times(sensor, until, rng) for sensor in plant.sensors]
-    always = [sensor.measured == "continuous" for sensor in plant.sensors]
+    always = [_is_read_at_every_row(sensor) for sensor in plant.sensors]
     has_grid = step is not None or any(always) or _period(plant) > 0
     # of several clocks t = 0 is a row, where nothing has happened yet
     grid = _grid(spacing, until) if has_grid else np.zeros(0 if plant.has_one_clock else 1)
@@ -117,7 +117,7 @@ def _sample_times(sensor: Output, until: float, rng: np.random.Generator) -> Mat
     every: Every | str | None = sensor.period if sensor.measured == "periodic" else None
     if isinstance(sensor, Sensor):
         every = sensor.every
-    if every is None or isinstance(every, str):
+    if every is None or isinstance(every, str) or _is_read_at_every_row(sensor):
         return np.zeros(0)
     if not isinstance(every, tuple):
         return _about_grid(_grid(every, until), sensor, rng)
@@ -125,6 +125,11 @@ def _sample_times(sensor: Output, until: float, rng: np.random.Generator) -> Mat
     spacings = random_spacings(low, high, math.inf, until, rng)
     times = np.round(np.cumsum(np.fromiter(spacings, float)), 12)
     return np.asarray(times[times <= until])
+
+
+def _is_read_at_every_row(sensor: Output) -> bool:
+    """Is it read at every row? What one that sends on change then sends depends on its reading."""
+    return sensor.measured == "continuous" or sensor.sends_on_change is not None
 
 
 def _about_grid(grid: Matrix, sensor: Output, rng: np.random.Generator) -> Matrix:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.column_names import MODE, TIME
+from obsdesign.data.change_senders import ChangeSenders
 from obsdesign.data.instants import Instants, arrival_times, default_until, instants_of
 from obsdesign.data.record_columns import record_columns
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
@@ -135,7 +136,8 @@ def _trajectory(
     now = 0.0
     leading = [0] * len(instants.times) if changes is None else changes.before(instants.times)
     following = leading if changes is None else changes.at(instants.times)
-    for k, t in enumerate(instants.times.tolist()):
+    senders, times = ChangeSenders.of(plant), instants.times.tolist()
+    for k, t in enumerate(times):
         h, mode = t - now, leading[k]
         own = sources[mode] if sources else source
         if h > 0:
@@ -152,7 +154,8 @@ def _trajectory(
             events.append([t, *source.weights_of(k, happening)])
         C = own.plant.outputs.C
         clean = np.where(after, C @ x, C @ before)
-        outputs.append(own.measurement(clean, k, t, instants.is_measured[k]))
+        y = own.measurement(clean, k, t, instants.is_measured[k])
+        outputs.append(senders.sent(y, t, times[k + 1] if k + 1 < len(times) else t))
         truth.append(x)
         now = t
     names = [plant.modes[mode].name for mode in following] if plant.modes else None

@@ -60,6 +60,8 @@ class SensorGains(Stored):
     outputs: how many rows of C, in the order of the sensors; sees: at events it sees the state
     before, after, or nothing; gap: longest time between two samples, 0 where every row has one,
     infinite where it is not bounded; event: name of the event at which alone it is read.
+    sends_on_change (o,), one for each of its outputs: it also sends as soon as one of them has
+    changed by so much since the last sample; None where it does not.
     """
 
     name: str = text()
@@ -67,13 +69,20 @@ class SensorGains(Stored):
     sees: str = word("before", "after", "none")
     gap: float = number()
     event: str | None = text(optional=True)
+    sends_on_change: Array | None = matrix("o", optional=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        changes = self.sends_on_change
+        if changes is not None and (len(changes) != self.outputs or not (changes > 0).all()):
+            raise ValueError("gains.sends_on_change must have a positive entry for each output.")
 
     @classmethod
     def from_sensor(cls, sensor: Output) -> SensorGains:
         """The clock of a sensor of a plant."""
         return cls(
             name=sensor.name, outputs=len(sensor.C), sees=sensor.jump_measurement, gap=sensor.gap,
-            event=sensor.event,
+            event=sensor.event, sends_on_change=sensor.sends_on_change,
         )  # fmt: skip
 
 

@@ -111,6 +111,10 @@ class Output(Protocol):
         """Longest time between two samples, maybe infinite."""
 
     @property
+    def sends_on_change(self) -> Matrix | None:
+        """Changes (p,) at which it sends a sample too, None where it does not."""
+
+    @property
     def event(self) -> str | None:
         """Name of the event at which alone it is read, None for a clock of its own."""
 

@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from lmi.arithmetic.arrays import Value
+from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import signal_columns
 from obsdesign.entries import is_number, positive, real, shown
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import set_fields
 from obsdesign.problem.names import NAME_SCHEMA, RESERVED, check_name
+from obsdesign.problem.noise import noise_numbers
 from obsdesign.problem.output import IRREGULAR, Output
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import NONNEGATIVE, file_entry, one_of, ref, whole_number
@@ -69,8 +70,10 @@ class Sensor(Output):
 
     every: time between two samples as a number, a range (shortest, longest), or "continuous"; at:
     name of the event at which it is read, instead. jitter: largest distance of a sample from the
-    grid k every; losses: most samples in a row that may be missing. sees: at an event it sees the
-    state before or after. report_delay: longest time until a sample is known.
+    grid k every; losses: most samples in a row that may be missing. sends_on_change (p,): it sends
+    a sample as soon as the reading of an output has changed by so much since the last one, and
+    after every[1] at the latest; None where it does not. sees: at an event it sees the state before
+    or after. report_delay: longest time until a sample is known.
     """
 
     is_named: ClassVar[bool] = True
@@ -88,6 +91,12 @@ class Sensor(Output):
         "Most samples in a row that may be missing; default 0.",
         default=0,
         whole=True,
+    )
+    sends_on_change: Matrix | None = file_entry(
+        ref("per_output"),
+        "It sends when its reading has changed by this since the last sample; requires "
+        "every = [0, longest].",
+        default=None,
     )
     at: str | None = file_entry(
         NAME_SCHEMA, "Name of the event at which it is read, instead of every.", default=None
@@ -116,6 +125,8 @@ class Sensor(Output):
             )
         set_fields(self, measured=self._measured(), jump_measurement=self.sees)
         _check_delay(self)
+        if self.sends_on_change is not None:
+            self._check_change(self.sends_on_change)
 
     def _measured(self) -> str:
         """The word of an [output] for its clock; InputError for a clock that cannot be met."""
@@ -145,6 +156,25 @@ class Sensor(Output):
             return IRREGULAR
         set_fields(self, period=period)
         return "periodic"
+
+    def _check_change(self, values: Value) -> None:
+        """InputError unless it may send at any time, at once, when a reading has changed."""
+        entry = f"{self.entry}.sends_on_change"
+        changes = noise_numbers(values, self.C, entry)
+        for change in changes.tolist():
+            positive(change, entry)
+        if not isinstance(self.every, tuple) or self.every[0] > 0:
+            got = shown(self.every if self.at is None else self.at)
+            raise InputError(
+                f"{entry} requires {self.entry}.every = [0, longest silence], since a change may "
+                f"come at any time; got {got}."
+            )
+        if self.report_delay:
+            raise InputError(
+                f"{entry} requires a sensor without report_delay: its silence says something only "
+                f"where samples come at once; got {self.report_delay:g}."
+            )
+        set_fields(self, sends_on_change=changes)
 
     @property
     def entry(self) -> str:

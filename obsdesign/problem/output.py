@@ -128,6 +128,11 @@ class Output(Block):
         return math.inf if self.period is None else self.period
 
     @property
+    def sends_on_change(self) -> Matrix | None:
+        """Changes (p,) at which it sends a sample; None where it does not send on change."""
+        return None
+
+    @property
     def event(self) -> str | None:
         """Name of the event at which alone it is read; None where it has a clock of its own."""
         return "jump" if self.measured == "at_jumps" else None

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.column_names import signal_columns
@@ -26,15 +26,16 @@ from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.named_clocks import Kept, NamedClocks
-from obsdesign.runtime.state_marks import Bounded, Past
+from obsdesign.runtime.silent_sensors import SilentSensors
+from obsdesign.runtime.state_marks import Bounded, Measured, Past
 
 
 class ClockedState(NamedTuple):
     """Everything the next row needs, just after time t.
 
     box: (2n,), [lower; -upper]; u: input that holds; held (2, n): bounds of b up to the next row;
-    guards: of every event; sampled: time of the last sample of every sensor; refutation: since when
-    the bounds are void, and why, "" while they hold.
+    guards: of every event; sampled: time of the last sample of every sensor; sent (p,): its values,
+    NaN before the first; refutation: since when the bounds are void, and why, "" while they hold.
     """
 
     t: float
@@ -44,6 +45,7 @@ class ClockedState(NamedTuple):
     guards: tuple[DwellGuard, ...]
     started: bool
     sampled: tuple[Past, ...]
+    sent: Measured
     refutation: str = ""
 
 
@@ -81,7 +83,8 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         now, box = instant(t), self._first(lower, upper)
         guards, sampled = self._clocks.begin(now)
         held = np.stack([self.gains.flow_lower, self.gains.flow_upper])
-        return ClockedState(now, box, np.zeros(self.gains.m), held, guards, False, sampled)
+        sent = np.full(self.gains.p, np.nan)
+        return ClockedState(now, box, np.zeros(self.gains.m), held, guards, False, sampled, sent)
 
     def reset(self, state: ClockedState, *, lower: ArrayLike, upper: ArrayLike) -> ClockedState:
         """The same instant with new bounds of x(t): ends the refutation of a state.
@@ -112,7 +115,8 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         reasons = [*cut.faults, *not_kept, *([refutation] if refutation else [])]
         if cut.faults and cut.faults[0] != BoundsFault.OVERFLOWED.value and not refutation:
             refutation = f"void since time {t:.9g} ({cut.faults[0]})"
-        following = ClockedState(t, cut.box, u, held, kept.guards, True, kept.sampled, refutation)
+        following = ClockedState(t, cut.box, u, held, kept.guards, True, kept.sampled,
+                                 self._silent.sent(state.sent, y), refutation)  # fmt: skip
         names = [self.gains.events[k].name for k in events]
         lower, upper = cut.box[: self.n], -cut.box[self.n :]
         listed = tuple((t, text) for text in names + reasons)
@@ -136,9 +140,11 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         self, state: ClockedState, t: float, y: _Measured, events: Sequence[tuple[int, Matrix]]
     ) -> _Cut:
         """The box after the step to t, its samples and its events."""
-        cut = self._moved(state, t)
         after = np.asarray(self._clocks.sees == "after")
         late = after if events else np.zeros_like(after)
+        cut = self._moved(state, t)
+        if self._silent.any:
+            cut = self._sampled(cut, self._unsent(state, t, y.y, late))
         cut = self._sampled(cut, y._replace(y=np.where(late, np.nan, y.y)))
         # what saw the state before the events corrects the first of them alone
         nothing = np.full_like(y.y, np.nan)
@@ -173,6 +179,15 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
                 box = cut.box
             cut = _Cut(box, (*cut.faults, *faults))
         return cut
+
+    def _unsent(
+        self, state: ClockedState, t: float, y: Matrix, late: NDArray[np.bool_]
+    ) -> _Measured:
+        """Readings of sensors that send on change and are silent; none of those that are late."""
+        known = self._silent.readings(state.sent, state.sampled, t, y)
+        measured = self._measured(np.where(late, np.nan, known), Bounds())
+        radius = np.nextafter(measured.radius + self._silent.change, np.inf)
+        return measured._replace(radius=radius)
 
     def _contradictions(self, place: int, there: Matrix, room: Matrix) -> list[str]:
         """Measurements of a sensor that no state inside the bounds can give."""
@@ -228,6 +243,10 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
     @cached_property
     def _clocks(self) -> NamedClocks:
         return NamedClocks(self.gains.events, self.gains.sensors)
+
+    @cached_property
+    def _silent(self) -> SilentSensors:
+        return SilentSensors(self.gains.sensors)
 
 
 def _bounded(n: int, box: Matrix, finite: bool) -> _Cut:

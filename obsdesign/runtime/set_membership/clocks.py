@@ -41,7 +41,7 @@ class Clocks:
         """The measurements that saw the state before or after the events of a row, else NaN."""
         if y is None:
             return None
-        own = np.where(self._sees == when, y, np.nan)
+        own = np.where(self.sees == when, y, np.nan)
         return own if np.isfinite(own).any() else None
 
     def after(
@@ -97,7 +97,7 @@ class Clocks:
         return sentences
 
     @cached_property
-    def _sees(self) -> NDArray[np.str_]:
+    def sees(self) -> NDArray[np.str_]:
         """What each output sees at an event (p,)."""
         if not self.gains.sensors:
             return np.full(self.gains.p, self.gains.jump_measurement)

@@ -37,6 +37,10 @@ from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
+from obsdesign.runtime.silent_sensors import SilentSensors
+
+# time, measurements and events of a row
+_Measurements = tuple[float, Matrix | None, tuple[int, ...]]
 
 
 class _Row(NamedTuple):
@@ -98,6 +102,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         return SetMembershipState(
             now, box, box, (), np.zeros(int(self.reads["u"])),
             np.stack([flow.lower, flow.upper]), guards, False, sampled,
+            np.full(self.gains.p, np.nan),
         )  # fmt: skip
 
     def reset(
@@ -129,7 +134,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         reasons = [*([] if row.fault is None else [row.fault]), *not_kept]
         following = state._replace(
             t=t, u=u, held=self._held(sample.bounds or Bounds()), guards=kept.guards, started=True,
-            sampled=kept.sampled,
+            sampled=kept.sampled, sent=self._silent.sent(state.sent, y),
         )  # fmt: skip
         names = [self.gains.every_event[k].name for k in events]
         return self._concluded(following, row, reasons, names)
@@ -165,7 +170,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         self,
         state: SetMembershipState,
         sample: Sample,
-        row: tuple[float, Matrix | None, tuple[int, ...]],
+        row: _Measurements,
         *,
         in_time: bool,
     ) -> _Row:
@@ -174,6 +179,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         tape = Tape(state.start, state.stages, state.box)
         used = self._clocks.part(y, "before") if events else y
         stages = [self._flow_stage(state, sample, t, used)]
+        if self._silent.any:
+            stages[0] = self._with_unsent(stages[0], state, row)
         stages += [self._jump_stage(sample, t, event) for event in events]
         if events:
             strip = self._strip(sample, self._clocks.part(y, "after"))
@@ -214,6 +221,19 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             t, h, size, False, known, known, known, radius, self._strip(sample, y), state.box,
             False,
         ).driven(table)  # fmt: skip
+
+    def _with_unsent(self, stage: Stage, state: SetMembershipState, row: _Measurements) -> Stage:
+        """The stage before events, with strips of sensors that send on change and are silent."""
+        t, y, events = row
+        known = self._silent.readings(state.sent, state.sampled, t, y)
+        if events:
+            known = np.where(self._clocks.sees == "after", np.nan, known)
+        bounds, change = self.declared_bounds.v, self._silent.change
+        lower = np.nextafter(bounds.lower - change, -np.inf)
+        strip = sampled_strip(known, lower, np.nextafter(bounds.upper + change, np.inf))
+        if stage.strip is not None:
+            strip = np.where(np.isnan(stage.strip), strip, stage.strip)
+        return stage._replace(strip=None if np.isnan(strip).all() else strip)
 
     def _jump_stage(self, sample: Sample, t: float, event: int) -> Stage:
         """The stage of an event, without a measurement after it."""
@@ -270,6 +290,10 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     @cached_property
     def _clocks(self) -> Clocks:
         return Clocks(self.gains)
+
+    @cached_property
+    def _silent(self) -> SilentSensors:
+        return SilentSensors(self.gains.sensors)
 
     @cached_property
     def _tables(self) -> Tables:

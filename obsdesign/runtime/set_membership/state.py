@@ -7,7 +7,7 @@ from typing import NamedTuple
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.set_membership.stages import Stage
-from obsdesign.runtime.state_marks import Bounded, Past
+from obsdesign.runtime.state_marks import Bounded, Measured, Past
 
 
 class SetMembershipState(NamedTuple):
@@ -15,9 +15,10 @@ class SetMembershipState(NamedTuple):
 
     box (2, n): bounds of z; start (2, n): bounds before the oldest of the stages; u: input that
     holds; held (2, k): bounds of the flow's disturbance up to the next row; guards: of every event;
-    sampled: time of the last measurement of every sensor; refutation: since when, and why, the
-    bounds are void, "" while they hold; recent: the boxes after the last rows, the latest one last:
-    one more than `fixed_lag` at most.
+    sampled: time of the last measurement of every sensor; sent (p,): values that sensors on change
+    sent last, NaN without; refutation: since when, and why, the bounds are void, "" while they
+    hold; recent: the boxes after the last rows, the latest one last: one more than `fixed_lag` at
+    most.
     """
 
     t: float
@@ -29,5 +30,6 @@ class SetMembershipState(NamedTuple):
     guards: tuple[DwellGuard, ...]
     started: bool
     sampled: tuple[Past, ...]
+    sent: Measured
     refutation: str = ""
     recent: tuple[Bounded, ...] = ()

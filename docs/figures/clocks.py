@@ -1,0 +1,67 @@
+"""Bounds of plants with modes and with sensors on clocks of their own.
+
+python -m docs.figures.clocks [FOLDER]      draws valve.png and thermometer.png
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import obsdesign
+from docs.figures.folder import chosen
+from obsdesign.data.csv_text import table_text
+from obsdesign.data.execution import execute
+from obsdesign.data.simulation import Simulation, simulate
+from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
+from obsdesign.problem.problem import Problem
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def bounds(
+    problem: Problem, record: Simulation, initial: Sequence[float], picture: Path,
+    title: str = "bounds", others: Mapping[str, Problem] | None = None,
+) -> None:  # fmt: skip
+    """The bounds of a problem's design along a record, beside those of another by its title."""
+    with tempfile.TemporaryDirectory() as scratch:
+        data, estimates = Path(scratch, "data.csv"), []
+        data.write_text(table_text(record.columns))
+        for name, one in {title: problem, **(others or {})}.items():
+            design, estimate = (str(Path(scratch, f"{name}.{end}")) for end in ("json", "csv"))
+            obsdesign.design(one).save(design)
+            tally = execute(design, str(data), estimate, initial, None)
+            estimates.append(estimate)
+            print(f"{tally.good} of {tally.rows} rows ok")
+        compared = Comparison(estimates[1] if others else None, problem.plant)
+        plot_estimate(estimates[0], str(data), str(picture), None, compared)
+    print(f"written: {picture}")
+
+
+def valve(folder: Path) -> None:
+    problem = obsdesign.load_problem(EXAMPLES / "valve.toml")
+    record = simulate(problem.plant, until=200.0, step=0.05)
+    bounds(problem, record, (-2, 2, -2, 2), folder / "valve.png")
+
+
+def thermometer(folder: Path) -> None:
+    problem = obsdesign.load_problem(EXAMPLES / "thermometer.toml")
+    plant, rng = problem.plant, np.random.default_rng(1)
+    record = simulate(plant, until=300.0, step=5.0, rng=rng)
+    sensors = [replace(sensor, sends_on_change=None) for sensor in plant.sensors]
+    plain = Problem(plant.flow, sensor=sensors, observer={"kind": "interval"})
+    bounds(problem, record, (0, 2, 0, 2), folder / "thermometer.png", "with silence",
+           {"samples alone": plain})  # fmt: skip
+
+
+def draw(folder: Path) -> None:
+    valve(folder)
+    thermometer(folder)
+
+
+if __name__ == "__main__":
+    draw(chosen())
