@@ -87,7 +87,7 @@ class Sensor(Output):
         NONNEGATIVE, "Largest distance of a sample from the grid k every; default 0.", default=0.0
     )
     losses: int = file_entry(
-        whole_number(0),
+        whole_number(0, 1_000_000),
         "Most samples in a row that may be missing; default 0.",
         default=0,
         whole=True,

@@ -47,6 +47,7 @@ REFUSALS: list[tuple[tuple[Any, ...], Any, str]] = [
     (("sensor", 1, "every"), [0, 6], "jitter requires a number as sensor.tissue.every"),
     (("sensor", 1, "every"), "often", "sensor.tissue.every must be a positive number"),
     (("sensor", 1, "losses"), 0.5, "sensor.tissue.losses must be a whole number"),
+    (("sensor", 1, "losses"), 10**19, "sensor.tissue.losses must be a whole number, from 0"),
     (("sensor", 0, "sends_on_change"), -1, "sensor.plasma.sends_on_change must be >= 0; got -1"),
     (("sensor", 0, "sends_on_change"), 0, "sensor.plasma.sends_on_change"),
     (("sensor", 0, "sends_on_change"), [1, 2], "sends_on_change must have 1"),

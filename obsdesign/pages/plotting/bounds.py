@@ -18,6 +18,8 @@ _BAND, _OTHER, _STRIP = BLUE, ORANGE, GREEN
 _BEHIND, _BETWEEN, _FRONT = 1.0, 1.3, 1.6
 # bounds of another observer are shown up to so many heights of the estimate's own bounds beyond
 _MOST_BEYOND = 1.5
+# more samples than these are too close for dots
+_DOTS = 150
 # an axis of widths shows at least so many decades, and more than so many by powers of ten alone
 _LEAST_DECADES, _FEW_DECADES = 1.2, 2.5
 
@@ -97,13 +99,16 @@ def _band(axis: Axes, record: EstimateRecord, table: Table, name: str, rows_only
 
 
 def _draw_strip(axis: Axes, strip: Strip) -> None:
-    """A bar at each sample; nothing between samples, where a strip says nothing."""
+    """A bar at each sample, with a dot where they are few; nothing between samples."""
     rows = strip.t.repeat(3)
     bars = np.column_stack([strip.lower, strip.upper, np.full(len(strip.t), np.nan)]).ravel()
     wide = float(np.clip(300 / len(strip.t), 1.0, 4.0))
     axis.plot(rows, bars, color=_STRIP, alpha=0.5, lw=wide, zorder=_BETWEEN,
               solid_capstyle="butt")  # fmt: skip
     axis.fill_between([], [], color=_STRIP, alpha=0.5, lw=0, label="sensor strip")
+    middles = (strip.lower + strip.upper) / 2
+    if 0 < np.isfinite(middles).sum() <= _DOTS:
+        axis.plot(strip.t, middles, ".", color=_STRIP, ms=4, zorder=_FRONT + 0.2, label="sample")
 
 
 def _limits(own: tuple[Matrix, Matrix], drawn: tuple[float, float]) -> tuple[float, float]:

@@ -8,26 +8,36 @@ Bounds that are compared, with another observer or with the sensor, have a panel
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from lmi.arithmetic.arrays import Array, Entries, Matrix
-from obsdesign.column_names import JUMP
 from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths, with_gaps
-from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
+from obsdesign.pages.plotting.estimate_record import ONE_JUMP, EstimateRecord, Table
 from obsdesign.pages.plotting.stays import draw_stays
 from obsdesign.pages.plotting.strips import Strip, strips_of
-from obsdesign.pages.plotting.style import BLACK, BLUE, VERMILION, check_output, picture
+from obsdesign.pages.plotting.style import (
+    BLACK,
+    BLUE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    check_output,
+    picture,
+)
 from obsdesign.problem.plant import Plant
 
 _STACKED = 4  # with more panels there are two columns of them
 _LABELLED = 12  # impulses whose times fit above their bars
 _EXPECTED = ("unresolved", "provisional: the record ends inside its window")
 _TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
+# of events, in their order
+_EVENTS = ("0.55", PURPLE, SKY)
 _SYMBOL: Entries = {"rotation": 0, "ha": "right", "va": "center", "fontsize": 11}
 
 
@@ -43,11 +53,11 @@ class Comparison:
         return {} if self.plant is None else strips_of(self.plant, data)
 
     @property
-    def events(self) -> tuple[str, ...]:
-        """Columns of the plant's events in data; that of jumps without a plant."""
+    def events(self) -> Mapping[str, Sequence[str]]:
+        """Columns of each of the plant's events in data; that of jumps without a plant."""
         if self.plant is None:
-            return (JUMP,)
-        return tuple(title for event in self.plant.events for title in event.columns)
+            return ONE_JUMP
+        return {event.name: event.columns for event in self.plant.events}
 
 
 NOTHING = Comparison()
@@ -66,7 +76,7 @@ def plot_estimate(
     """
     check_output(output)
     record = EstimateRecord.from_files(
-        estimate, data, events, compared.other, jumps=compared.events
+        estimate, data, events, compared.other, named=compared.events
     )  # fmt: skip
     strips = compared.strips(record.data)
     if "x1_lo" in record.estimate and not record.has_impulses and compared != NOTHING:
@@ -134,9 +144,10 @@ def _panel(axis: Axes, name: str, record: EstimateRecord) -> None:
 
 def _state(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None = None) -> None:
     """Bounds, estimate and truth of one state, with the jumps."""
-    for k, instant in enumerate(record.jumps):
-        axis.axvline(instant, color="0.55", lw=0.7, ls=(0, (2, 2)), zorder=0,
-                     label="jump" if k == 0 else None)  # fmt: skip
+    for colour, (event, instants) in zip(cycle(_EVENTS), record.happened.items(), strict=False):
+        for k, instant in enumerate(instants):
+            axis.axvline(instant, lw=0.7, ls=(0, (2, 2)), zorder=0, color=colour,
+                         label=event if k == 0 else None)  # fmt: skip
     draw_stays(axis, record.stays)
     t, estimate, data = record.t, record.estimate, record.data
     rows_only = record.rows_only

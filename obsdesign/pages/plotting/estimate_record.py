@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import JUMP, MODE, TIME
@@ -17,6 +18,8 @@ from obsdesign.errors import InputError
 _DRAWABLE = 1e100
 # with more jumps than this part of the rows, nothing is known between them: no lines are drawn
 _ROWS_ONLY = 0.9
+# columns of the events of a plant with one kind of jump
+ONE_JUMP: Mapping[str, Sequence[str]] = {JUMP: (JUMP,)}
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ class Table:
 class EstimateRecord:
     """An estimate, the data with the truth, and impulses, as files hold them.
 
-    other: the estimate of a second observer, on the same data.
+    other: the estimate of a second observer, on the same data; happened: times of each event.
     """
 
     estimate: Table
@@ -95,16 +98,16 @@ class EstimateRecord:
     other: Table
     t: Matrix
     data_t: Matrix
-    jumps: Matrix
+    happened: Mapping[str, Matrix]
 
     @classmethod
     def from_files(
         cls, estimate: str, data: str | None, events: str | None, other: str | None = None,
-        *, jumps: Sequence[str] = (JUMP,),
+        *, named: Mapping[str, Sequence[str]] = ONE_JUMP,
     ) -> EstimateRecord:  # fmt: skip
         """InputError where a file cannot be read, or they are not of one plant.
 
-        jumps: columns of the data that say when events happen.
+        named: columns of the data that say when an event happens, by its name.
         """
         estimates, truth = Table.from_file(estimate), Table.from_file(data)
         second = Table.from_file(other)
@@ -117,12 +120,13 @@ class EstimateRecord:
             _check_states(estimates, table)
         _check_bounds(estimates, second)
         times = truth.numbers("t") if truth.columns else np.zeros(0)
-        happens = np.zeros(len(times), bool)
-        for name in jumps:
-            if name in truth:
-                values = truth.numbers(name)
-                happens |= values == 1 if name == JUMP else np.isfinite(values)
-        return cls(estimates, truth, Table.from_file(events), second, t, times, times[happens])
+        happened = {name: times[_happens(truth, titles)] for name, titles in named.items()}
+        return cls(estimates, truth, Table.from_file(events), second, t, times, happened)
+
+    @property
+    def jumps(self) -> Matrix:
+        """Times of all events, in order."""
+        return np.unique(np.concatenate([np.zeros(0), *self.happened.values()]))
 
     @property
     def stays(self) -> list[tuple[float, float, str]]:
@@ -156,6 +160,17 @@ class EstimateRecord:
         if not self.has_impulses:
             return self.estimate.states
         return [*self.data.measurements, *self.estimate.states, "weight"]
+
+
+def _happens(data: Table, titles: Sequence[str]) -> NDArray[np.bool_]:
+    """In which rows one of an event's columns says that it happens."""
+    rows = len(data.columns.get(TIME, ()))
+    happens = np.zeros(rows, bool)
+    for title in titles:
+        if title in data:
+            values = data.numbers(title)
+            happens |= values == 1 if title == JUMP else np.isfinite(values)
+    return happens
 
 
 def _check_bounds(estimate: Table, other: Table) -> None:

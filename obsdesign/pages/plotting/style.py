@@ -17,7 +17,7 @@ from obsdesign.output_files import write_bytes
 
 # Okabe-Ito: distinct in print and for colour-blind readers
 BLACK, BLUE, GREEN, VERMILION, GREY = "#000000", "#0072B2", "#009E73", "#D55E00", "#BBBBBB"
-ORANGE = "#E69F00"
+ORANGE, PURPLE, SKY = "#E69F00", "#CC79A7", "#56B4E9"
 
 _STYLE: Value = {
     "font.size": 9,

@@ -7,15 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 
 from obsdesign.cli.commands import cli
 from obsdesign.data.csv_text import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
+from obsdesign.pages.plotting.bounds import draw_bounds
 from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
-from obsdesign.pages.plotting.estimate_record import Table
+from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
 from obsdesign.pages.plotting.strips import strips_of
 from obsdesign.problem.problem import Problem
+from tests.systems.clocks import DOSES
 
 BODY = {
     "flow": {
@@ -68,6 +71,30 @@ def test_a_missing_sample_and_unknown_noise_have_no_strip(tmp_path: Path) -> Non
     assert np.flatnonzero(np.isnan(lower)).tolist() == [2]
     body = {**BODY, "output": {key: x for key, x in BODY["output"].items() if key != "noise_bound"}}
     assert not strips_of(Problem.from_dict(body).plant, Table.from_file(path))
+
+
+def test_every_event_is_drawn_by_its_name_and_samples_as_dots(tmp_path: Path) -> None:
+    plant = Problem.from_dict(DOSES).plant
+    run = simulate(plant, until=60.0, rng=np.random.default_rng(1))
+    data, estimate = tmp_path / "data.csv", str(tmp_path / "e.csv")
+    data.write_text(table_text(run.columns))
+    bounds = {f"x{i + 1}_{end}": run.block("x")[:, i] + shift
+              for i in range(3) for end, shift in (("lo", -1.0), ("hi", 1.0))}  # fmt: skip
+    Path(estimate).write_text(table_text({"t": run.t, **bounds}))
+    compared = Comparison(plant=plant)
+    record = EstimateRecord.from_files(estimate, str(data), None, named=compared.events)
+    assert run.happened is not None
+    assert {name: list(times) for name, times in record.happened.items()} == {
+        name: list(run.t[run.happened[:, k]]) for k, name in enumerate(("dose", "bolus"))
+    }
+    assert len(record.jumps) == run.happened.any(axis=1).sum()
+    axis = Figure().subplots()
+    draw_bounds(axis, "x3", record, strips_of(plant, record.data)["x3"], False)
+    (dots,) = (line for line in axis.get_lines() if line.get_label() == "sample")
+    drawn = np.isfinite(np.asarray(dots.get_ydata()))
+    assert np.array_equal(drawn, np.isfinite(record.data.numbers("tissue")))
+    plot_estimate(estimate, str(data), str(tmp_path / "p.svg"), None, compared)
+    assert "bolus" in (tmp_path / "p.svg").read_text("utf-8")
 
 
 def _estimates(folder: Path, name: str, half: float, path: str) -> str:
