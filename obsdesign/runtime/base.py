@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.gains import Gains, PlantGains
+from obsdesign.equations.gains import Gains
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns, Event, collect
 from obsdesign.runtime.dwell_guard import DwellGuard
@@ -271,39 +271,6 @@ def centred_measurement(y: ArrayLike | None, gains: Gains) -> Vector | None:
     """The measurement less the middle of the noise's bounds, or None when it is missing."""
     result = optional_measurement(y, gains.p)
     return None if result is None else centred(result, gains)
-
-
-def no_jumps() -> ValueError:
-    """The refusal of a sample that says jump, for a plant without jumps."""
-    return ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-
-
-def corrected_jump(
-    gains: PlantGains,
-    x: Vector,
-    w: ArrayLike | None,
-    y: Vector | None = None,
-    M: Vector | None = None,
-) -> Vector:
-    """x after a jump with the correction M (y - C x), x before or after it as y is measured.
-
-    Without correction where y or M is missing. ValueError where w has another size than E has
-    columns.
-    """
-    after = gains.jump_matrix @ x + gains.jump_drift
-    if gains.E is not None and w is not None:
-        after = after + gains.E @ vector(w, gains.E.shape[1], "w")
-    if y is None or M is None or gains.jump_measurement == "none":
-        return np.asarray(after)
-    expected = gains.C @ (after if gains.jump_measurement == "after" else x)
-    return np.asarray(after + M @ (y - expected))
-
-
-def status_of(reasons: Sequence[str], *values: Vector) -> str:
-    """`ok`, or the reasons why not; an estimate that is not finite is one."""
-    if not all(np.isfinite(value).all() for value in values):
-        reasons = [*reasons, "estimate is not finite"]
-    return "; ".join(reasons) or "ok"
 
 
 def rows_of(

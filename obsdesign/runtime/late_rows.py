@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
+from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
 
 PROVISIONAL = "provisional"
@@ -165,8 +166,9 @@ class Replay:
 
 def provisional(estimate: Estimate) -> Estimate:
     """The estimate with the word that rows before it may still come, beside other reasons."""
-    reasons = [] if estimate.status == "ok" else [estimate.status]
-    return estimate._replace(status="; ".join([PROVISIONAL, *reasons]))
+    status = estimate.status
+    reasons = [] if status == "ok" else [status]
+    return estimate._replace(status=with_reasons(PROVISIONAL, reasons))
 
 
 def received(sample: Sample) -> float:

@@ -30,11 +30,9 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
     """The class that runs gains of a kind; InputError for what is no kind."""
     known = kind_named(kind)
     if "modes" in gains:
-        from obsdesign.runtime.modes import SWITCHED  # the observers of two kinds
-
-        if kind not in SWITCHED:
+        if known.modes is None:
             raise InputError(f"gains.modes: kind {kind!r} has no modes.")
-        return cast(RunnableKind, SWITCHED[kind])
+        return _class_of(known.module("observer", has_modes=True), known.modes.observer)
     if gains.get("differentiator") == "fixed_lag":
         # rows come later, which takes a state of another shape
         from obsdesign.runtime.unknown_input.fixed_lag import FixedLagObserver
@@ -48,8 +46,12 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
         from obsdesign.runtime.set_membership.input_bounds import InputBoundsObserver
 
         return InputBoundsObserver
-    classes = vars(importlib.import_module(known.module("observer")))
-    return cast(RunnableKind, classes[known.observer])
+    return _class_of(known.module("observer"), known.observer)
+
+
+def _class_of(module: str, name: str) -> RunnableKind:
+    """A class of observers by its name."""
+    return cast(RunnableKind, vars(importlib.import_module(module))[name])
 
 
 def load(path: str | os.PathLike[str]) -> Observer:

@@ -12,7 +12,10 @@ from obsdesign.data.execution import execute
 from obsdesign.data.simulation import simulate
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
+from obsdesign.runtime.base import samples_of
 from obsdesign.runtime.bounds import Bounds
+from obsdesign.runtime.columns import Columns
+from obsdesign.runtime.interval.modes import SwitchedIntervalObserver
 from obsdesign.workflow import design, investigate
 from tests.systems.switched import random_switched, valve
 
@@ -70,6 +73,33 @@ def test_modes_that_differ_in_name_alone_are_no_modes(kind: str) -> None:
         if first is not None:
             np.testing.assert_array_equal(first, second)
     assert set(several.status) == {"ok"}
+
+
+def test_new_bounds_end_a_refutation_in_the_mode_that_holds() -> None:
+    observer = from_design(design(valve()))
+    assert isinstance(observer, SwitchedIntervalObserver)
+    run = simulate(valve().plant, until=60, step=0.05, initial=[30, 20])
+    samples = list(samples_of(Columns.from_arrays(run.t, run.block("y"), mode=run.mode)))
+    x, place = run.block("x"), (run.mode or []).index("closed") + 5
+    state = observer.init(0.0, lower=x[0] - 20, upper=x[0] - 10)  # x is outside
+    for sample in samples[: place + 1]:
+        state, estimate = observer.step(state, sample)
+    assert "void since" in estimate.status
+    again = observer.reset(state, lower=x[place] - 1, upper=x[place] + 1)
+    assert again._replace(inner=state.inner) == state  # the mode and the time of entry
+    outside, statuses = [], set()
+    for sample, truth in zip(samples[place + 1 :], x[place + 1 :], strict=True):
+        state, refuted = observer.step(state, sample)
+        assert "void since" in refuted.status
+        again, estimate = observer.step(again, sample)
+        assert estimate.lower is not None
+        assert estimate.upper is not None
+        statuses.add(estimate.status)
+        outside.append(((estimate.lower > truth) | (truth > estimate.upper)).any())
+    assert not any(outside)
+    assert statuses == {"ok"}
+    with pytest.raises(ValueError, match="exceeds upper"):
+        observer.reset(again, lower=[1, 1], upper=[0, 0])
 
 
 @pytest.mark.parametrize("kind", ["interval", "luenberger"])

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import raised
 from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, least_squares_gain
-from obsdesign.runtime.base import corrected_jump, no_jumps
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import Tape
+from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.state_marks import Bounded, Measured, Past
 
 # with bounds w is replaced when it is that much larger than the estimate

@@ -8,6 +8,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
 
 MISSING, OPEN = "missing sample", "unresolved"  # of a row
@@ -31,7 +32,7 @@ class Event:
     @property
     def status(self) -> str:
         """`ok`, or what is doubtful."""
-        return "; ".join(self.doubts) or "ok"
+        return with_reasons("ok", self.doubts)
 
     def row(self) -> tuple[float | str, ...]:
         """The cells of an event file: t, weights, t_std, deviations of the weights, status."""

@@ -27,6 +27,7 @@ from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.named_clocks import Kept, NamedClocks
 from obsdesign.runtime.state_marks import Bounded, Past
+from obsdesign.runtime.status import with_reasons
 
 
 class ClockedState(NamedTuple):
@@ -116,8 +117,9 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         names = [self.gains.events[k].name for k in events]
         lower, upper = cut.box[: self.n], -cut.box[self.n :]
         listed = tuple((t, text) for text in names + reasons)
-        status = "; ".join(reasons) or "ok"
-        return following, Estimate(t, None, lower, upper, events=listed, status=status)
+        return following, Estimate(
+            t, None, lower, upper, events=listed, status=with_reasons("ok", reasons)
+        )
 
     @property
     def guards(self) -> tuple[DwellGuard, ...]:

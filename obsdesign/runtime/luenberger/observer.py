@@ -20,18 +20,12 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.runtime.base import (
-    Estimate,
-    Sample,
-    corrected_jump,
-    instant,
-    no_jumps,
-    status_of,
-    vector,
-)
+from obsdesign.runtime.base import Estimate, Sample, instant, vector
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.flow_response import Maps, responses
+from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.status import status_of
 from obsdesign.runtime.step_cache import cached_step
 
 

@@ -37,6 +37,7 @@ from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
+from obsdesign.runtime.status import with_reasons
 
 
 class _Row(NamedTuple):
@@ -151,7 +152,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             recent=self._bounder.kept((*recent, row.result.box)),
         )  # fmt: skip
         listed = tuple((state.t, text) for text in events + reasons)
-        return state, self._estimate(state.t, row.result, listed, "; ".join(reasons) or "ok")
+        return state, self._estimate(state.t, row.result, listed, with_reasons("ok", reasons))
 
     def _measured(self, y: ArrayLike | None) -> Matrix | None:
         """The measurement, NaN where an output is missing; None where all are."""

@@ -37,12 +37,12 @@ from obsdesign.runtime.base import (
     centred,
     instant,
     later,
-    no_jumps,
-    status_of,
     vector,
 )
+from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.point_observer import PointObserver
 from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.status import status_of
 from obsdesign.runtime.unknown_input.measurements import smoothed_record, usable
 from obsdesign.runtime.unknown_input.steps import (
     LONGEST,

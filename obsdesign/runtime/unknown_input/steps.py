@@ -17,6 +17,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from obsdesign.equations.unknown_input.formulas import DAMPING, STEP_LIMIT
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
+from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.step_cache import cached_step
 
 # time stamps must resolve a step to this part of its length
@@ -93,7 +94,7 @@ class Steps:
         if h * self._fastest > STEP_LIMIT:
             limit = STEP_LIMIT / self._fastest
             reasons.append(f"sampling time {h:.9g} above {limit:.6g} = 2/|f|")
-        return Interval(h, None, "; ".join(reasons) or "ok", is_resolved)
+        return Interval(h, None, with_reasons("ok", reasons), is_resolved)
 
     def matrix(self, h: float) -> Matrix:
         """The matrix of a step of length h."""
