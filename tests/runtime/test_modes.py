@@ -176,9 +176,26 @@ def test_a_run_in_parts_gives_the_same_rows(tmp_path: Path, kind: str) -> None:
     assert parts == whole
 
 
-def test_gains_of_other_modes_do_not_run() -> None:
+@pytest.mark.parametrize(
+    ("entry", "other"),
+    [
+        ("A", [[-1.2, 0.1], [0.5, -0.4]]), ("every", [2.0, 11.0]), ("next", "closed+open"),
+        ("G", [[0.5, 0.0], [0.0, 0.5]]), ("noise_bound", [0.001]), ("flow_upper", [0.0, 0.0]),
+    ],
+)  # fmt: skip
+def test_gains_of_other_modes_do_not_run(entry: str, other: object) -> None:
     made = design(valve())
     gains = {"modes": [dict(mode) for mode in made.gains["modes"]]}
-    gains["modes"][0]["A"] = 2 * gains["modes"][0]["A"]
+    gains["modes"][0][entry] = other
     with pytest.raises(ValueError, match=r"gains\.modes differ from problem\.mode"):
         from_design(replace(made, gains=gains))
+
+
+def test_gains_of_the_stated_modes_run_however_they_are_stated() -> None:
+    body = valve(kind="luenberger").to_dict()
+    (sensor,) = body["sensor"]
+    sensor["noise_bound"] = [[-0.01, 0.03]]
+    body["mode"][0] |= {"G": [[1, 0], [0, 1]], "next": ["closed"]}
+    body["mode"][1] |= {"every": [2, "inf"], "next": [], "A": [[-0.1, 0], [0, -0.3]],
+                        "disturbance": {"lower": [-1, 0], "upper": [0, 1]}}  # fmt: skip
+    assert from_design(design(Problem.from_dict(body))).names == ("x1", "x2")
