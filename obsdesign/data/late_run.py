@@ -35,10 +35,11 @@ def arrivals_of(
     watch: Callable[[Arrival], None] | None = None,
 ) -> Arrivals:  # fmt: skip
     """The order of rows that may be late, with those that wait since the last part."""
+    is_first = stored is None
     stored = Progress(None) if stored is None else stored
     waiting = [row.sample for row in stored.late]
     buffer = LateRows(layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now)
-    return Arrivals(buffer, remark, is_stream, watch)
+    return Arrivals(buffer, remark, is_stream, watch, is_first)
 
 
 def then_the_rest(
