@@ -15,14 +15,14 @@ from obsdesign.equations.gains import Gains
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns, Event, collect
 from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.state_marks import Measured
+from obsdesign.runtime.state_marks import Inputs, MeasuredRow
 
 Vector = Matrix
 State = TypeVar("State")
 # a state of whatever kind: it goes back to an observer of the design that made it
 KindState = Any
 # (t, y, u): a sample as a state keeps it
-Row = tuple[float, Measured | None, Vector | None]
+Row = tuple[float, MeasuredRow | None, Inputs | None]
 
 # Numbers below it are multiplied, squared and added without any thought of overflow.
 MODERATE = 1e100
@@ -134,6 +134,11 @@ class RecordRunner(ABC, Generic[State]):
     @property
     def capacities(self) -> Mapping[str, int]:
         """Most entries of those lists of a state that have a limit."""
+        return {}
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Sizes of the axes of a state's arrays, by the letters of their annotations."""
         return {}
 
     @property

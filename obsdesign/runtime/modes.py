@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import ClassVar, Generic, NamedTuple, Protocol, TypeVar
+from typing import Annotated, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from obsdesign.equations.modes import ModeGains, SwitchedGains
 from obsdesign.runtime.base import Estimate, Observer, Sample, Stepped
 from obsdesign.runtime.columns import Event
 from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.state_marks import Below, Past
 from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
 
@@ -31,6 +31,10 @@ class ModeObserver(Observer, Protocol):
     def guards(self) -> Sequence[DwellGuard]:
         """Guards of dwell times as they begin."""
 
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Sizes of the axes of a state's arrays."""
+
 
 class SwitchedState(NamedTuple, Generic[Inner]):
     """State of an observer of modes: mode, the time of entry, the state of a mode's observer.
@@ -41,7 +45,7 @@ class SwitchedState(NamedTuple, Generic[Inner]):
 
     t: float
     inner: Inner
-    mode: int | None = None
+    mode: Annotated[int, Below("modes")] | None = None
     entered: Past = -math.inf
     is_whole: bool = False
 
@@ -144,6 +148,11 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
     def guards(self) -> Sequence[DwellGuard]:
         """Those of every mode's observer."""
         return self.observers[0].guards
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the axes of a state's arrays, and the number of modes."""
+        return {**self.observers[0].sizes, "modes": len(self.modes)}
 
     @property
     def reads(self) -> dict[str, int | bool]:

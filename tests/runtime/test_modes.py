@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +11,16 @@ import pytest
 
 from obsdesign.data.execution import execute
 from obsdesign.data.simulation import simulate
+from obsdesign.document import digest
+from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import samples_of
 from obsdesign.runtime.bounds import Bounds
 from obsdesign.runtime.columns import Columns
 from obsdesign.runtime.interval.modes import SwitchedIntervalObserver
+from obsdesign.runtime.progress import Progress
+from obsdesign.runtime.stored_state import progress_from_text, state_text
 from obsdesign.workflow import design, investigate
 from tests.systems.switched import random_switched, valve
 
@@ -199,3 +204,16 @@ def test_gains_of_the_stated_modes_run_however_they_are_stated() -> None:
     body["mode"][1] |= {"every": [2, "inf"], "next": [], "A": [[-0.1, 0], [0, -0.3]],
                         "disturbance": {"lower": [-1, 0], "upper": [0, 1]}}  # fmt: skip
     assert from_design(design(Problem.from_dict(body))).names == ("x1", "x2")
+
+
+@pytest.mark.parametrize("place", [-1, 2])
+def test_a_stored_mode_is_one_of_the_design(place: int) -> None:
+    made = design(valve())
+    observer = from_design(made)
+    state, _ = observer.step(observer.start(0.0, [-1, 1, -1, 1]), Sample(0.0, [0.0], mode="closed"))
+    body = json.loads(state_text(made, Progress(state)))
+    assert body["progress"][0]["mode"] == 1
+    body["progress"][0]["mode"] = place
+    text = json.dumps(body | {"digest": digest(body)})
+    with pytest.raises(InputError, match=r"state\.mode must be from 0 to below 2; got"):
+        progress_from_text(text, made, observer, "s.json")

@@ -59,6 +59,11 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         return WindowConstants(self.gains)
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of axes: as for points, and d of the contributions of an input."""
+        return super().sizes | {"d": self.constants.driven(np.zeros(self.gains.m)).size}
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t: x1, ..., and x1_lo, x1_hi, ... where it has bounds."""
         points = super().names

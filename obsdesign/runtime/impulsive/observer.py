@@ -31,6 +31,7 @@ from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
 from obsdesign.runtime.jump import corrected_jump
 from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.state_marks import Inputs, States
 from obsdesign.runtime.status import status_of
 from obsdesign.runtime.step_cache import cached_step
 
@@ -47,8 +48,8 @@ class ImpulsiveState:
     """
 
     t: float
-    x: Matrix
-    u: Matrix
+    x: States
+    u: Inputs
     window: SlidingWindow
     spacing: float | None
     guard: DwellGuard

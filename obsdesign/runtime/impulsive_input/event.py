@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.state_marks import Axes
 from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
 
@@ -24,9 +26,9 @@ class Event:
     """
 
     t: float
-    weights: Matrix
+    weights: Annotated[Matrix, Axes("q")]
     t_std: float | None = None
-    weights_std: Matrix | None = None
+    weights_std: Annotated[Matrix, Axes("q")] | None = None
     doubts: tuple[str, ...] = ()
 
     @property

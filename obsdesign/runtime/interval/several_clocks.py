@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +26,7 @@ from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.named_clocks import Kept, NamedClocks
-from obsdesign.runtime.state_marks import Bounded, Past
+from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, Past, StackedBox
 from obsdesign.runtime.status import with_reasons
 
 
@@ -39,9 +39,9 @@ class ClockedState(NamedTuple):
     """
 
     t: float
-    box: Bounded
-    u: Matrix
-    held: Matrix
+    box: StackedBox
+    u: Inputs
+    held: Annotated[Matrix, ROWS, Axes("2 n")]
     guards: tuple[DwellGuard, ...]
     started: bool
     sampled: tuple[Past, ...]

@@ -25,6 +25,7 @@ from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.flow_response import Maps, responses
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.state_marks import Inputs, Outputs, States
 from obsdesign.runtime.status import status_of
 from obsdesign.runtime.step_cache import cached_step
 
@@ -34,9 +35,9 @@ class LuenbergerState:
     """Everything the next step needs: the estimate x just after time t."""
 
     t: float
-    x: Matrix
-    u: Matrix
-    y: Matrix | None
+    x: States
+    u: Inputs
+    y: Outputs | None
     guard: DwellGuard
     started: bool
 

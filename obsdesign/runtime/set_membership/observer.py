@@ -72,6 +72,13 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         return {"stages": self.gains.window, "recent": 0 if lag is None else lag + 1}
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of axes; b: of the flow's disturbance, w: of any; events: number of them."""
+        model = self._model
+        counts = {"b": len(model.flow.lower), "w": model.width, "events": len(model.jumps)}
+        return super().sizes | counts
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t: x1_lo, x1_hi, ..., then l1_lo, ..., x1_lag_lo, ..."""
         further = 0 if self.gains.directions is None else len(self.gains.directions)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from obsdesign.equations.unknown_input.formulas import DAMPING, STEP_LIMIT
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
+from obsdesign.runtime.state_marks import Axes, Outputs
 from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.step_cache import cached_step
 
@@ -35,13 +36,13 @@ class Interval(NamedTuple):
     """
 
     length: float
-    step: Matrix | None
+    step: Annotated[Matrix, Axes("out in")] | None
     status: str
     is_resolved: bool
 
 
 # derivative of the measurement over an interval: length, mean of y, y'
-Slope = tuple[float, Matrix, Matrix]
+Slope = tuple[float, Outputs, Outputs]
 
 
 def damped_slope(before: Slope | None, h: float, y_before: Matrix, y: Matrix) -> Slope:
