@@ -24,16 +24,28 @@ LAYERS: Mapping[Role, str] = {
 
 
 @dataclass(frozen=True)
+class WithModes:
+    """How a kind takes modes, in modules `modes` of synthesis, verification and run time.
+
+    observer: its class there; options: those that are about each mode alike.
+    """
+
+    observer: str
+    options: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Kind:
     """A kind of observer.
 
     observer: its class in the module of that role; gains: those that a problem may give, name ->
-    (rows, columns) in n states, p outputs, q unknown inputs.
+    (rows, columns) in n states, p outputs, q unknown inputs; modes: None where it takes none.
     """
 
     name: str
     observer: str
     gains: Mapping[str, tuple[str, str]]
+    modes: WithModes | None = None
 
     def module(self, role: Role, *, has_modes: bool = False) -> str:
         """Name of the module that plays a role; has_modes: for plants with modes."""
@@ -56,9 +68,15 @@ _TABLE = (
             "T": ("n", "n"),
             "R": ("n", "n"),
         },
+        WithModes("SwitchedIntervalObserver", options=("form",)),
     ),
     Kind("set_membership", "SetMembershipObserver", {}),
-    Kind("luenberger", "LuenbergerObserver", {"L": ("n", "p"), "M": ("n", "p")}),
+    Kind(
+        "luenberger",
+        "LuenbergerObserver",
+        {"L": ("n", "p"), "M": ("n", "p")},
+        WithModes("SwitchedPointObserver", options=("decay_rate",)),
+    ),
     Kind("impulsive", "ImpulsiveObserver", {}),
     Kind("finite_time", "FiniteTimeObserver", {"L": ("n", "p")}),
     Kind("impulsive_input", "ImpulsiveInputObserver", {"K": ("n", "p")}),
@@ -74,8 +92,7 @@ GIVING_BOUNDS = ("interval", "set_membership")
 # gains for each by its name
 TAKING_CLOCKS = ("interval", "set_membership")
 WITH_NAMED_GAINS = ("interval",)
-# kinds that take modes: each has modules `modes` in synthesis and verification
-TAKING_MODES = ("interval", "luenberger")
+TAKING_MODES = tuple(kind.name for kind in _TABLE if kind.modes is not None)
 
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")

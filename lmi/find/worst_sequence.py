@@ -16,10 +16,10 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, NewEntries
 from lmi.families import Edge
+from lmi.find.product_growth import growth_loss
 from lmi.time_budget import UNLIMITED, TimeBudget
 
 _UNIFORM = 7
-_NO_GROWTH = 1e3  # loss of a product without growth: e^-1000 is zero
 _WIDTH = 120
 _LONGEST = 10
 _FINE = 60  # with little jitter, letters must be close together, but not more of them
@@ -234,26 +234,6 @@ def _within(thetas: Array, jitter: float) -> Array:
 
 
 def _loss(edge: Edge, thetas: Array) -> tuple[float, Array]:
-    """-log rho(M_k ... M_1) / k and its gradient: d lambda = y* dM x / (y* x)."""
+    """-log rho(M_k ... M_1) / k and its gradient."""
     maps, slopes = edge.with_slopes(thetas)
-    k, n = len(maps), maps.shape[-1]
-    before = [np.eye(n)]
-    for M in maps:
-        before.append(M @ before[-1])
-    if not np.isfinite(before[-1]).all():  # beyond floats: like a product that vanishes
-        return _NO_GROWTH, np.zeros(k)
-    values, vectors = np.linalg.eig(before[-1])
-    top = int(np.argmax(np.abs(values)))
-    value, x = values[top], vectors[:, top]
-    if abs(value) < 1e-280:
-        return _NO_GROWTH, np.zeros(k)
-    lefts, left_vectors = np.linalg.eig(before[-1].T)
-    y = left_vectors[:, int(np.argmin(np.abs(lefts - value)))]
-    scale = value * (y @ x)
-    if abs(scale) < 1e-280:
-        return -float(np.log(abs(value))) / k, np.zeros(k)
-    slope, after = np.zeros(k), y
-    for i in reversed(range(k)):
-        slope[i] = float(np.real(after @ slopes[i] @ before[i] @ x / scale))
-        after = after @ maps[i]
-    return -float(np.log(abs(value))) / k, -slope / k
+    return growth_loss(list(maps), lambda i, before: (slopes[i], before[i]))

@@ -15,6 +15,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import to_float
 from lmi.arithmetic.exponential import expm
+from lmi.find.product_growth import growth_loss
 from lmi.modes import Modes, StayWord
 from lmi.time_budget import UNLIMITED, TimeBudget
 
@@ -22,7 +23,6 @@ from lmi.time_budget import UNLIMITED, TimeBudget
 _PAIR_POINTS, _PAIR_WORK = 200, 640_000
 _LETTERS, _WIDTH, _LONGEST = 9, 150, 8
 _POLISHED = 6
-_NO_GROWTH = 1e3  # loss of a product without growth: e^-1000 is zero
 
 
 @dataclass(frozen=True)
@@ -160,32 +160,12 @@ class _Search:
         return GrowingWord(best, self.growth(best) ** len(best))
 
     def _loss(self, word: StayWord, thetas: Array) -> tuple[float, Array]:
-        """-log rho / length and its gradient: d lambda = y* dM x / (y* x)."""
-        k, n = len(word), self.flows.shape[-1]
+        """-log rho / length and its gradient."""
         maps = [
             self.maps(i, np.array([theta]))[0] for (i, _), theta in zip(word, thetas, strict=True)
         ]
-        before = [np.eye(n)]
-        for M in maps:
-            before.append(M @ before[-1])
-        if not np.isfinite(before[-1]).all():
-            return _NO_GROWTH, np.zeros(k)
-        values, vectors = np.linalg.eig(before[-1])
-        top = int(np.argmax(np.abs(values)))
-        value, x = values[top], vectors[:, top]
-        if abs(value) < 1e-280:
-            return _NO_GROWTH, np.zeros(k)
-        lefts, left_vectors = np.linalg.eig(before[-1].T)
-        y = left_vectors[:, int(np.argmin(np.abs(lefts - value)))]
-        scale = value * (y @ x)
-        slope, after = np.zeros(k), y
-        if abs(scale) < 1e-280:
-            return -float(np.log(abs(value))) / k, slope
-        for i in reversed(range(k)):
-            # M = e^{F theta} G: dM = F M
-            slope[i] = float(np.real(after @ self.flows[word[i][0]] @ before[i + 1] @ x / scale))
-            after = after @ maps[i]
-        return -float(np.log(abs(value))) / k, -slope / k
+        # M = e^{F theta} G: dM = F M
+        return growth_loss(maps, lambda i, before: (self.flows[word[i][0]], before[i + 1]))
 
 
 def _radii(M: Array) -> Array:

@@ -10,12 +10,11 @@ from lmi.arithmetic.balls import Exact
 from lmi.modes import Modes
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.equations.modes import ModeSpan, following_places
+from obsdesign.kinds import kind_named
 from obsdesign.problem.modes import spans_of
 from obsdesign.problem.problem import Problem
 from obsdesign.problem.several_clocks import require_no_modes
 
-# options of a kind that are about each mode alike
-_OPTIONS = {"interval": ("form",), "luenberger": ("decay_rate",)}
 FORMS = ("cooperative", "split")
 
 
@@ -33,9 +32,10 @@ def reason_against_modes(problem: Problem) -> str | None:
         )
     if plant.output.period is not None:
         return "output.period is not available with [[mode]]; samples may have any spacing."
+    taken = kind_named(kind).modes
     for name in problem.options.to_document():
-        if name not in _OPTIONS[kind]:
-            allowed = ", ".join(_OPTIONS[kind])
+        if taken is not None and name not in taken.options:
+            allowed = ", ".join(taken.options)
             return f"observer.{name} is not available with [[mode]]; {allowed} is."
     for name in problem.gains:
         if name != "L":

@@ -18,13 +18,15 @@ class Arrivals:
 
     buffer: those that an earlier row may still precede; is_stream: lines come in the order of
     arrival, whatever a column `received` says; remark: called with a sentence for each row that
-    comes too late, which is left out; watch: called with each arrival.
+    comes too late, which is left out; watch: called with each arrival; is_first: is it the first
+    part of a record?
     """
 
     buffer: LateRows
     remark: Remark
     is_stream: bool = False
     watch: Callable[[Arrival], None] | None = None
+    is_first: bool = True
 
     def in_order(
         self, samples: Iterator[Sample], name: str, skip: Remark | None, *, has_stamps: bool
@@ -33,8 +35,9 @@ class Arrivals:
 
         has_stamps: is there a column `received`? Without it rows arrive in the order of lines.
         skip: called with a sentence for a second row of one time, where rows may not share it;
-        without it that is an InputError.
+        without it that is an InputError, and so is a first part of which every row comes too late.
         """
+        delays, taken = list[float](), 0
         listed: Iterable[tuple[int, Sample]] = enumerate(samples)
         if has_stamps and not self.is_stream:
             listed = sorted(listed, key=lambda row: received(row[1]))
@@ -47,11 +50,19 @@ class Arrivals:
                 skip(f"{name}: {error} The later one is skipped.")
                 continue
             if arrival is None:
+                delays.append(self.buffer.now - sample.t)
                 self.remark(f"{name}: {self.buffer.reason_against(sample)}")
                 continue
+            taken += 1
             if self.watch is not None:
                 self.watch(arrival)
             yield from self.buffer.settled()
+        if self.is_first and delays and not taken:
+            raise InputError(
+                f"{name}: rows at most report_delay {self.buffer.lag:.9g} late are required; all "
+                f"{len(delays)} are later, by {max(delays):.9g} at most. Is report_delay of the "
+                "events and sensors stated?"
+            )
 
     @property
     def waiting(self) -> Sequence[Sample]:

@@ -142,7 +142,7 @@ def _begun(
     if first is not None:
         return starting_progress(observer, stored, first, initial), chain([first], samples)
     if stored is None:
-        observer.start(arrivals.waiting[0].t if arrivals.waiting else 0.0, initial)
+        observer.start(arrivals.waiting[0].t, initial)
         stored = Progress(None, initial=None if initial is None else tuple(initial))
     return stored, iter(())
 

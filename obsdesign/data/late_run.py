@@ -35,15 +35,11 @@ def arrivals_of(
     watch: Callable[[Arrival], None] | None = None,
 ) -> Arrivals:  # fmt: skip
     """The order of rows that may be late, with those that wait since the last part."""
+    is_first = stored is None
     stored = Progress(None) if stored is None else stored
     waiting = [row.sample for row in stored.late]
-    try:
-        buffer = LateRows(
-            layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now
-        )  # fmt: skip
-    except ValueError as error:
-        raise InputError(f"--state: not a state of this design: {error}") from None
-    return Arrivals(buffer, remark, is_stream, watch)
+    buffer = LateRows(layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now)
+    return Arrivals(buffer, remark, is_stream, watch, is_first)
 
 
 def then_the_rest(
@@ -72,7 +68,8 @@ def provisional_lines(
         file.write(estimate_header(observer.names) + "\n")
 
         def write(arrival: Arrival) -> None:
-            file.writelines(estimate_line(each) + "\n" for each in replay.revised(arrival))
+            estimates = replay.revised(arrival).provisional
+            file.writelines(estimate_line(each) + "\n" for each in estimates)
             if live:
                 file.flush()
 

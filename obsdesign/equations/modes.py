@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from lmi.arithmetic.arrays import Array, Entries, NewEntries
-from obsdesign.equations.gains import Gains, Stored, matrix, text
+from obsdesign.equations.gains import PlantGains, Stored, matrix, text
 
-ModeGains = TypeVar("ModeGains", bound=Gains)
+ModeGains = TypeVar("ModeGains", bound=PlantGains)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

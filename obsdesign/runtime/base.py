@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.gains import Gains, PlantGains
+from obsdesign.equations.gains import Gains
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns, Event, collect
 from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.state_marks import Measured
+from obsdesign.runtime.state_marks import Inputs, MeasuredRow
 
 Vector = Matrix
 State = TypeVar("State")
 # a state of whatever kind: it goes back to an observer of the design that made it
 KindState = Any
 # (t, y, u): a sample as a state keeps it
-Row = tuple[float, Measured | None, Vector | None]
+Row = tuple[float, MeasuredRow | None, Inputs | None]
 
 # Numbers below it are multiplied, squared and added without any thought of overflow.
 MODERATE = 1e100
@@ -134,6 +134,11 @@ class RecordRunner(ABC, Generic[State]):
     @property
     def capacities(self) -> Mapping[str, int]:
         """Most entries of those lists of a state that have a limit."""
+        return {}
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Sizes of the axes of a state's arrays, by the letters of their annotations."""
         return {}
 
     @property
@@ -271,39 +276,6 @@ def centred_measurement(y: ArrayLike | None, gains: Gains) -> Vector | None:
     """The measurement less the middle of the noise's bounds, or None when it is missing."""
     result = optional_measurement(y, gains.p)
     return None if result is None else centred(result, gains)
-
-
-def no_jumps() -> ValueError:
-    """The refusal of a sample that says jump, for a plant without jumps."""
-    return ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-
-
-def corrected_jump(
-    gains: PlantGains,
-    x: Vector,
-    w: ArrayLike | None,
-    y: Vector | None = None,
-    M: Vector | None = None,
-) -> Vector:
-    """x after a jump with the correction M (y - C x), x before or after it as y is measured.
-
-    Without correction where y or M is missing. ValueError where w has another size than E has
-    columns.
-    """
-    after = gains.jump_matrix @ x + gains.jump_drift
-    if gains.E is not None and w is not None:
-        after = after + gains.E @ vector(w, gains.E.shape[1], "w")
-    if y is None or M is None or gains.jump_measurement == "none":
-        return np.asarray(after)
-    expected = gains.C @ (after if gains.jump_measurement == "after" else x)
-    return np.asarray(after + M @ (y - expected))
-
-
-def status_of(reasons: Sequence[str], *values: Vector) -> str:
-    """`ok`, or the reasons why not; an estimate that is not finite is one."""
-    if not all(np.isfinite(value).all() for value in values):
-        reasons = [*reasons, "estimate is not finite"]
-    return "; ".join(reasons) or "ok"
 
 
 def rows_of(

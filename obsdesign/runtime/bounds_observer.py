@@ -32,6 +32,12 @@ class BoundsObserver(Stepped[State], ABC):
         return self.gains.columns
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of axes: n states, p outputs, m known inputs, and y of a row."""
+        p, m = int(self.reads["y"]), int(self.reads["u"])
+        return {"n": self.n, "p": p, "m": m, "y": p}
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t: x1_lo, x1_hi, ..."""
         return bound_names(self.n)

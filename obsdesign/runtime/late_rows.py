@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
+from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
 
 PROVISIONAL = "provisional"
@@ -32,6 +33,17 @@ class Arrival(NamedTuple):
     samples: Sequence[Sample]
     place: int
     leaving: int
+
+
+class Revised(NamedTuple):
+    """Estimates that an arrival changes.
+
+    provisional: of the row that arrived and of those behind it; final: of the rows that no other
+    can precede any more.
+    """
+
+    provisional: Sequence[Estimate]
+    final: Sequence[Estimate]
 
 
 class LateRows:
@@ -65,8 +77,8 @@ class LateRows:
             return None
         place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
         self._rows.insert(place, _Row(sample.t, rank, sample))
-        beside = [row.t for row in self._rows[max(place - 1, 0) : place + 2]]
-        if not self._may_repeat and beside.count(sample.t) > 1:
+        neighbours = [row.t for row in self._rows[max(place - 1, 0) : place + 2]]
+        if not self._may_repeat and neighbours.count(sample.t) > 1:
             self.withdraw(place)
             raise ValueError(f"t must differ from row to row; {sample.t!r} stands twice.")
         return Arrival(self.samples, place, self._leaving)
@@ -128,35 +140,26 @@ class Replay:
             return []
         self._arrived += 1
         try:
-            final = [estimate for _, estimate in self._stepped(arrival)[: arrival.leaving]]
+            revised = self.revised(arrival)
         except ValueError:
             self._rows.withdraw(arrival.place)
-            del self._entries[arrival.place :]
             raise
-        estimates = [*self.revised(arrival), *final]
         self._rows.settled()
-        return estimates
+        return [*revised.provisional, *revised.final]
 
-    def revised(self, arrival: Arrival) -> list[Estimate]:
-        """Provisional estimates of the row that arrived, and of those behind it."""
-        entries = self._stepped(arrival)
-        estimates = [provisional(estimate) for _, estimate in entries[arrival.place :]]
-        if arrival.leaving:
-            self._state = entries[arrival.leaving - 1][0]
-            del entries[: arrival.leaving]
-        return estimates
-
-    def _stepped(self, arrival: Arrival) -> list[tuple[KindState, Estimate]]:
-        """States and estimates after all rows of the buffer."""
-        samples, place, _ = arrival
-        entries = self._entries
-        if len(entries) < len(samples):
-            del entries[place:]
-        state = self._before(samples[0].t) if not entries else entries[-1][0]
+    def revised(self, arrival: Arrival) -> Revised:
+        """Estimates after the arrival of a row; ValueError as `take`, which changes nothing."""
+        samples, place, leaving = arrival
+        entries = self._entries[:place]
+        state = entries[-1][0] if entries else self._before(samples[0].t)
         for sample in samples[len(entries) :]:
             state, estimate = self._observer.step(state, sample)
             entries.append((state, estimate))
-        return entries
+        if leaving:
+            self._state = entries[leaving - 1][0]
+        self._entries = entries[leaving:]
+        estimates = [estimate for _, estimate in entries]
+        return Revised([provisional(each) for each in estimates[place:]], estimates[:leaving])
 
     def _before(self, t: float) -> KindState:
         """The state before the first row of the buffer, which is of time t."""
@@ -165,8 +168,9 @@ class Replay:
 
 def provisional(estimate: Estimate) -> Estimate:
     """The estimate with the word that rows before it may still come, beside other reasons."""
-    reasons = [] if estimate.status == "ok" else [estimate.status]
-    return estimate._replace(status="; ".join([PROVISIONAL, *reasons]))
+    status = estimate.status
+    reasons = [] if status == "ok" else [status]
+    return estimate._replace(status=with_reasons(PROVISIONAL, reasons))
 
 
 def received(sample: Sample) -> float:

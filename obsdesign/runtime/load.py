@@ -30,11 +30,9 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
     """The class that runs gains of a kind; InputError for what is no kind."""
     known = kind_named(kind)
     if "modes" in gains:
-        from obsdesign.runtime.modes import SWITCHED  # the observers of two kinds
-
-        if kind not in SWITCHED:
+        if known.modes is None:
             raise InputError(f"gains.modes: kind {kind!r} has no modes.")
-        return cast(RunnableKind, SWITCHED[kind])
+        return _class_of(known.module("observer", has_modes=True), known.modes.observer)
     if gains.get("differentiator") == "fixed_lag":
         # rows come later, which takes a state of another shape
         from obsdesign.runtime.unknown_input.fixed_lag import FixedLagObserver
@@ -48,8 +46,12 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
         from obsdesign.runtime.set_membership.input_bounds import InputBoundsObserver
 
         return InputBoundsObserver
-    classes = vars(importlib.import_module(known.module("observer")))
-    return cast(RunnableKind, classes[known.observer])
+    return _class_of(known.module("observer"), known.observer)
+
+
+def _class_of(module: str, name: str) -> RunnableKind:
+    """A class of observers by its name."""
+    return cast(RunnableKind, vars(importlib.import_module(module))[name])
 
 
 def load(path: str | os.PathLike[str]) -> Observer:
@@ -121,19 +123,41 @@ def _same_modes(design: Design) -> None:
     if isinstance(stated, list) and isinstance(listed, list) and len(stated) == len(listed):
         pairs = list(zip(listed, stated, strict=True))
     tables = [flow, output, *(x for pair in pairs for x in pair)]
-    if not all(isinstance(x, dict) for x in tables):
-        pairs = []
-    for own, mode in pairs:
-        shared = {**flow, "C": output.get("C")}
-        for name in ("name", "every", "A", "B", "C"):
-            wanted = mode.get(name, shared.get(name))
-            if not same(jsonable(own.get(name)), jsonable(wanted)):
-                pairs = []
-    if not pairs:
+    is_same = bool(pairs) and all(isinstance(x, dict) for x in tables)
+    if is_same:
+        names = [str(mode.get("name")) for _, mode in pairs]
+        is_same = all(
+            same(jsonable(own.get(name)), jsonable(wanted))
+            for own, mode in pairs
+            for name, wanted in _stated_of_mode(mode, flow, output, names).items()
+        )
+    if not is_same:
         raise InputError(
             "gains.modes differ from problem.mode; `obsdesign verify` refutes it. Was the file put "
             "together by hand?"
         )
+
+
+def _stated_of_mode(mode: Entries, flow: Entries, output: Entries, names: list[str]) -> Entries:
+    """Gains of a mode that repeat an entry of the problem, and what it states there."""
+    own, noise, G = {**flow, **mode}, output.get("noise_bound"), mode.get("G")
+    others = [name for name in names if name != mode.get("name")]
+    is_identity = isinstance(G, list) and np.eye(len(G)).tolist() == G
+    stated = {
+        "name": own.get("name"),
+        "every": own.get("every"),
+        "next": "+".join(map(str, mode.get("next", others))),
+        "A": own.get("A"),
+        "B": own.get("B"),
+        "C": mode.get("C", output.get("C")),
+        "G": None if is_identity else G,
+        "noise_bound": _noise_part(noise, "noise_bound"),
+        "noise_centre": _noise_part(noise, "noise_centre"),
+    }
+    box = own.get("disturbance")
+    if isinstance(box, dict) and "disturbance_matrix" not in flow and "d_bounds" not in flow:
+        stated |= {"flow_lower": box.get("lower"), "flow_upper": box.get("upper")}
+    return stated
 
 
 def _noise_part(stated: Value, name: str) -> object:

@@ -2,85 +2,121 @@
 
 A row's mode holds from the row on: the row's measurement is used by the mode before, then the map
 on entry, where there is one, acts as a jump of the new mode. Every mode's observer keeps its own
-matrices by step size.
+matrices by step size. A kind that takes modes has a module `modes` with its observer.
 """
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Generic, NamedTuple, TypeVar
+from typing import Annotated, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from lmi.arithmetic.arrays import Entries
-from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.modes import ModeGains, SwitchedGains
-from obsdesign.runtime.base import Estimate, Sample, Stepped
+from obsdesign.runtime.base import Estimate, Observer, Sample, Stepped
 from obsdesign.runtime.columns import Event
 from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.interval.clock import MISSING
-from obsdesign.runtime.interval.observer import IntervalObserver
-from obsdesign.runtime.interval.state import IntervalState
-from obsdesign.runtime.luenberger.observer import LuenbergerObserver, LuenbergerState
-from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.state_marks import Below, Past
+from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
 
+Inner = TypeVar("Inner")
 
-class SwitchedInterval(NamedTuple):
-    """State of an interval observer of modes: mode, the time of entry, the state of the bounds.
+
+class ModeObserver(Observer, Protocol):
+    """The observer of one mode."""
+
+    @property
+    def guards(self) -> Sequence[DwellGuard]:
+        """Guards of dwell times as they begin."""
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Sizes of the axes of a state's arrays."""
+
+
+class SwitchedState(NamedTuple, Generic[Inner]):
+    """State of an observer of modes: mode, the time of entry, the state of a mode's observer.
 
     mode None: not yet known; entered: time of entry into it, or of the first row; is_whole: was
-    the entry in the record?
+    the entry in the record? A kind derives its own, with the type of `inner`.
     """
 
     t: float
-    inner: IntervalState
-    mode: int | None = None
+    inner: Inner
+    mode: Annotated[int, Below("modes")] | None = None
     entered: Past = -math.inf
     is_whole: bool = False
 
 
-class SwitchedPoint(NamedTuple):
-    """The same of a point observer."""
+class Entry(NamedTuple, Generic[Inner]):
+    """A mode is entered: the state after the map, the estimate, and what is wrong with it."""
 
-    t: float
-    inner: LuenbergerState
-    mode: int | None = None
-    entered: Past = -math.inf
-    is_whole: bool = False
+    inner: Inner
+    estimate: Estimate
+    faults: Sequence[str] = ()
 
 
-Switched = TypeVar("Switched", SwitchedInterval, SwitchedPoint)
-
-
-@dataclass(frozen=True)
-class _Changes(Generic[ModeGains]):
-    """Modes of a design, and what objects to a change of mode or a stay."""
+class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains]):
+    """Executes a design with modes; columns are those of any mode's observer."""
 
     gains: SwitchedGains[ModeGains]
+    finds_events: ClassVar[bool]
 
-    def place(self, sample: Sample, mode: int | None) -> int:
-        """The mode from a sample on; ValueError for one that the design does not have."""
-        names = self.gains.names
+    @cached_property
+    @abstractmethod
+    def observers(self) -> Sequence[ModeObserver]:
+        """One observer for each mode."""
+
+    @abstractmethod
+    def _entered(self, inner: Inner, estimate: Estimate, before: int, after: int) -> Entry[Inner]:
+        """The state and the estimate in the new mode: as they were, or those of its map G."""
+
+    def step(
+        self, state: SwitchedState[Inner], sample: Sample
+    ) -> tuple[SwitchedState[Inner], Estimate]:
+        """Move to the time of the sample in the mode before, use it, and enter its mode."""
+        after = self._place(sample, state.mode)
+        before = after if state.mode is None else state.mode
+        inner, estimate = self.observers[before].step(state.inner, sample)
+        t, events = estimate.t, estimate.events
+        reasons = self._objections(sample.t, state, after)
+        entered, is_whole = (t, False) if state.mode is None else (state.entered, state.is_whole)
+        if self.finds_events:
+            events = (*events, *((t, text) for text in reasons))
+        status = estimate.status
+        if after != before:
+            entered, is_whole = t, True
+            if self.finds_events:
+                events = (*events, (t, f"mode {self.modes[after]}"))
+            inner, estimate, faults = self._entered(inner, estimate, before, after)
+            status = with_reasons(status, faults)
+        following = state._replace(
+            t=t, inner=inner, mode=after, entered=entered, is_whole=is_whole
+        )  # fmt: skip
+        return following, estimate._replace(events=events, status=with_reasons(status, reasons))
+
+    def keeps_measurement(self, before: int, after: int) -> bool:
+        """Is y the same function of the state before and after this change?"""
+        first, second = self.gains.gains[before], self.gains.gains[after]
+        return second.G is None and bool((first.C == second.C).all())
+
+    def _place(self, sample: Sample, mode: int | None) -> int:
+        """Place of the mode from a sample on; ValueError for one that the design does not have."""
         if sample.bounds is not None:
             raise ValueError("bounds of a row are not used with modes.")
         if sample.mode is None:
             if mode is None:
-                raise ValueError(f"the first sample must name its mode ({', '.join(names)}).")
+                listed = ", ".join(self.modes)
+                raise ValueError(f"the first sample must name its mode ({listed}).")
             return mode
-        if sample.mode not in names:
-            raise ValueError(f"mode must be one of {', '.join(names)}; got {sample.mode!r}.")
-        return names.index(sample.mode)
+        if sample.mode not in self.modes:
+            listed = ", ".join(self.modes)
+            raise ValueError(f"mode must be one of {listed}; got {sample.mode!r}.")
+        return self.modes.index(sample.mode)
 
-    def objections(
-        self, t: float, state: SwitchedInterval | SwitchedPoint, after: int
-    ) -> list[str]:
+    def _objections(self, t: float, state: SwitchedState[Inner], after: int) -> list[str]:
         """Reasons for which a row, with its change of mode if it has one, is not admissible.
 
         The stay in which a record begins may have begun before: only its longest is checked.
@@ -95,24 +131,8 @@ class _Changes(Generic[ModeGains]):
         elif stay > high + slack:
             reasons.append(f"stay {stay:.9g} in {span.name} above {high:.9g}")
         if after != state.mode and after not in self.gains.following[state.mode]:
-            reasons.append(f"{self.gains.names[after]} does not follow {span.name}")
+            reasons.append(f"{self.modes[after]} does not follow {span.name}")
         return reasons
-
-    def keeps_measurement(self, before: int, after: int) -> bool:
-        """Is y the same function of the state before and after this change?"""
-        first, second = self.gains.gains[before], self.gains.gains[after]
-        return getattr(second, "G", None) is None and np.array_equal(first.C, second.C)
-
-
-class _Switched(Stepped[Switched], Generic[Switched, ModeGains]):
-    """What observers of modes share: columns are those of any mode's observer."""
-
-    gains: SwitchedGains[ModeGains]
-
-    @cached_property
-    @abstractmethod
-    def observers(self) -> Sequence[IntervalObserver | LuenbergerObserver]:
-        """One observer for each mode."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -130,6 +150,11 @@ class _Switched(Stepped[Switched], Generic[Switched, ModeGains]):
         return self.observers[0].guards
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the axes of a state's arrays, and the number of modes."""
+        return {**self.observers[0].sizes, "modes": len(self.modes)}
+
+    @property
     def reads(self) -> dict[str, int | bool]:
         """How many y, u, w a sample has; jumps are not reported."""
         return {**self.observers[0].reads, "w": 0, "jump": False}
@@ -142,126 +167,3 @@ class _Switched(Stepped[Switched], Generic[Switched, ModeGains]):
     def event_cells(self, event: Event) -> Sequence[float | str]:
         """Cells of an event in an event file."""
         return self.observers[0].event_cells(event)
-
-
-@dataclass(frozen=True)
-class SwitchedIntervalObserver(_Switched[SwitchedInterval, IntervalGains]):
-    """Executes a design of kind `interval` with modes."""
-
-    gains: SwitchedGains[IntervalGains]
-    kind = "interval"
-    finds_events = True
-
-    @classmethod
-    def from_gains(cls, gains: Entries) -> SwitchedIntervalObserver:
-        """The observer of a design's `gains`; ValueError if they do not fit each other."""
-        return cls(SwitchedGains.from_document(gains, IntervalGains))
-
-    @cached_property
-    def observers(self) -> tuple[IntervalObserver, ...]:
-        """One observer for each mode."""
-        return tuple(map(IntervalObserver, self.gains.gains))
-
-    def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> SwitchedInterval:
-        """State at time t from bounds of x(t), before the first sample and its mode."""
-        return SwitchedInterval(t, self.observers[0].init(t, lower=lower, upper=upper))
-
-    def start(self, t: float, initial: Sequence[float] | None) -> SwitchedInterval:
-        """State from x1_lo, x1_hi, x2_lo, ...; InputError if they are not bounds."""
-        return SwitchedInterval(t, self.observers[0].start(t, initial))
-
-    def step(self, state: SwitchedInterval, sample: Sample) -> tuple[SwitchedInterval, Estimate]:
-        """Move to the time of the sample in the mode before, use it, and enter its mode."""
-        changes = _Changes(self.gains)
-        after = changes.place(sample, state.mode)
-        before = after if state.mode is None else state.mode
-        inner, estimate = self.observers[before].step(state.inner, sample)
-        reasons = changes.objections(sample.t, state, after)
-        events = list(estimate.events) + [(estimate.t, text) for text in reasons]
-        entered, is_whole = (estimate.t, False) if state.mode is None else state[3:]
-        if after != before:
-            entered, is_whole = estimate.t, True
-            events.append((estimate.t, f"mode {self.modes[after]}"))
-            inner, estimate = self._entered(inner, estimate, before, after)
-        status = _joined(estimate.status, reasons)
-        following = SwitchedInterval(estimate.t, inner, after, entered, is_whole)
-        return following, estimate._replace(events=tuple(events), status=status)
-
-    def _entered(
-        self, inner: IntervalState, estimate: Estimate, before: int, after: int
-    ) -> tuple[IntervalState, Estimate]:
-        """The state in the new mode: the same box, or that of the map on entry."""
-        gains = self.gains.gains[after]
-        if not _Changes(self.gains).keeps_measurement(before, after):
-            inner = inner._replace(y=None, is_usual=False)
-        if gains.G is None:
-            return inner, estimate
-        guard = DwellGuard.from_gains(gains)
-        jump = Sample(estimate.t, jump=True)
-        held = inner._replace(started=False, guard=guard)
-        inner, jumped = self.observers[after].step(held, jump)
-        # nothing is measured between the row's sample and the new mode: none is missing
-        faults = [
-            x for x in jumped.status.split("; ") if x not in ("ok", MISSING, *_parts(estimate))
-        ]
-        status = _joined(estimate.status, faults)
-        return inner._replace(guard=guard), jumped._replace(status=status)
-
-
-@dataclass(frozen=True)
-class SwitchedPointObserver(_Switched[SwitchedPoint, LuenbergerGains]):
-    """Executes a design of kind `luenberger` with modes."""
-
-    gains: SwitchedGains[LuenbergerGains]
-    kind = "luenberger"
-    finds_events = False
-
-    @classmethod
-    def from_gains(cls, gains: Entries) -> SwitchedPointObserver:
-        """The observer of a design's `gains`; ValueError if they do not fit each other."""
-        return cls(SwitchedGains.from_document(gains, LuenbergerGains))
-
-    @cached_property
-    def observers(self) -> tuple[LuenbergerObserver, ...]:
-        """One observer for each mode."""
-        return tuple(map(LuenbergerObserver, self.gains.gains))
-
-    def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> SwitchedPoint:
-        """State at time t from a guess of x(t), before the first sample and its mode."""
-        return SwitchedPoint(t, self.observers[0].init(t, x=x))
-
-    def start(self, t: float, initial: Sequence[float] | None) -> SwitchedPoint:
-        """State from x1, ..., xn; InputError unless n finite numbers."""
-        return SwitchedPoint(t, self.observers[0].start(t, initial))
-
-    def step(self, state: SwitchedPoint, sample: Sample) -> tuple[SwitchedPoint, Estimate]:
-        """Move to the time of the sample in the mode before, use it, and enter its mode."""
-        changes = _Changes(self.gains)
-        after = changes.place(sample, state.mode)
-        before = after if state.mode is None else state.mode
-        inner, estimate = self.observers[before].step(state.inner, sample)
-        reasons = changes.objections(sample.t, state, after)
-        entered, is_whole = (estimate.t, False) if state.mode is None else state[3:]
-        if after != before:
-            entered, is_whole = estimate.t, True
-            y = inner.y if changes.keeps_measurement(before, after) else None
-            G = self.gains.gains[after].G
-            x = inner.x if G is None else np.asarray(G @ inner.x)
-            inner, estimate = replace(inner, x=x, y=y), estimate._replace(x=x)
-        status = _joined(estimate.status, reasons)
-        following = SwitchedPoint(estimate.t, inner, after, entered, is_whole)
-        return following, estimate._replace(status=status)
-
-
-def _parts(estimate: Estimate) -> list[str]:
-    """Reasons in the status of an estimate."""
-    return estimate.status.split("; ")
-
-
-def _joined(status: str, reasons: Sequence[str]) -> str:
-    """A status with further reasons."""
-    stated = [] if status == "ok" else [status]
-    return "; ".join([*stated, *reasons]) or "ok"
-
-
-SWITCHED = {"interval": SwitchedIntervalObserver, "luenberger": SwitchedPointObserver}

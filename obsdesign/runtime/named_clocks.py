@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.clocks import EventGains, SensorGains
-from obsdesign.runtime.base import Sample, no_jumps, vector
+from obsdesign.runtime.base import Sample, vector
 from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.time_stamps import time_tolerance
 
 # where no time between two events is stated

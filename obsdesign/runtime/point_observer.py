@@ -43,6 +43,12 @@ class PointObserver(ABC, Generic[State]):
         return self.gains.n
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of axes: n states, p outputs, m known inputs, and y of a row."""
+        p, m = int(self.reads["y"]), int(self.reads["u"])
+        return {"n": self.n, "p": p, "m": m, "y": p}
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t."""
         return numbered("x", self.n)

@@ -11,15 +11,15 @@ import numpy as np
 from lmi.arithmetic.arrays import Value
 from obsdesign.runtime.base import Row, Sample, Vector
 from obsdesign.runtime.bounds import Bounds
-from obsdesign.runtime.state_marks import Measured
+from obsdesign.runtime.state_marks import Inputs, Measured, MeasuredRow
 
 
 class WaitingRow(NamedTuple):
     """A sample as a state file keeps it, with bounds of b, c and v."""
 
     t: float
-    y: Measured | None
-    u: Vector | None
+    y: MeasuredRow | None
+    u: Inputs | None
     w: Measured | None
     jump: bool
     bounds: tuple[tuple[Vector, Vector] | None, ...]

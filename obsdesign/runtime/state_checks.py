@@ -6,28 +6,50 @@ import functools
 import itertools
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, get_type_hints
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Value
+from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.state_marks import MISSING, PAST, STEP, UNBOUNDED
+from obsdesign.runtime.state_marks import (
+    MISSING,
+    PAST,
+    RADIUS,
+    ROWS,
+    STACKED,
+    STEP,
+    UNBOUNDED,
+    Axes,
+    Below,
+)
 
 
 @dataclass
 class StateEntries:
-    """Times and guards of a state by their names, as they are read."""
+    """Entries of a state as they are read: sizes and order, times and guards by their names.
 
+    sizes: of the axes of arrays, by letter; own: of those that are not there, in a record;
+    crossed: names of bounds that are not in order; is_refuted: void bounds, which may be so.
+    """
+
+    sizes: Mapping[str, int] = field(default_factory=dict)
     times: list[tuple[str, float]] = field(default_factory=list)
     guards: list[tuple[str, DwellGuard]] = field(default_factory=list)
+    own: dict[str, int] = field(default_factory=dict)
+    crossed: list[str] = field(default_factory=list)
+    is_refuted: bool = False
 
     def add(self, name: str, value: Value, marks: Sequence[str]) -> Value:
         """Check one marked entry and keep its times; raise TypeError unless it fits its marks."""
         if isinstance(value, np.ndarray):
             require_finite(name, value, marks)
+            self._check_array(name, value, marks)
+        for mark in marks:
+            if isinstance(mark, Below) and not 0 <= value < self.sizes[mark]:
+                raise wrong(name, f"from 0 to below {self.sizes[mark]}", value)
         if PAST in marks:
             times = np.atleast_1d(value)
             if not (np.diff(times) >= 0).all():
@@ -35,8 +57,39 @@ class StateEntries:
             self.times += [(name, float(t)) for t in times[-1:]]
         return value
 
+    def _check_array(self, name: str, array: Matrix, marks: Sequence[str]) -> None:
+        """Raise TypeError unless an array has its axes, and no radius is negative; note its order.
+
+        Bounds that are not in order are those of a refuted state, or wrong.
+        """
+        for mark in marks:
+            if isinstance(mark, Axes):
+                self._check_axes(name, array, mark)
+        if RADIUS in marks and not (array >= 0).all():
+            raise wrong(name, "at least 0", float(array.min()))
+        if STACKED in marks:
+            lower, upper = np.split(array * np.repeat([1.0, -1.0], len(array) // 2), 2)
+        elif ROWS in marks:
+            lower, upper = array
+        else:
+            return
+        if (lower > upper).any():
+            self.crossed.append(name)
+
+    def _check_axes(self, name: str, array: Matrix, axes: Axes) -> None:
+        """Raise TypeError unless an array has these axes; keep the sizes of further letters."""
+        letters, known = axes.split(), {"2": 2, "2n": 2 * self.sizes.get("n", 0), **self.sizes}
+        fits = len(letters) == array.ndim
+        for letter, size in zip(letters, array.shape, strict=False):
+            fits &= size == known.get(letter, self.own.setdefault(letter, size))
+        if not fits:
+            required = ", ".join(str(known.get(x, self.own.get(x, x))) for x in letters)
+            raise wrong(name, f"of shape ({required})", list(array.shape))
+
     def check(self, t: float, own: Sequence[DwellGuard]) -> None:
         """Raise TypeError unless times are not after t and guards have limits like `own`."""
+        if self.crossed and not self.is_refuted:
+            raise wrong(self.crossed[0], "lower bounds at most the upper ones", "others")
         for name, time in self.times:
             if not time <= t:
                 raise wrong(name, f"at most {t!r}, state.t", time)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import math
 import types
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
@@ -57,7 +57,7 @@ def progress_from_text(text: str, design: Design, observer: Value, path: str) ->
     """
     body = _checked_body(text, design, path)
     try:
-        reader = _Reader([_array(entry) for entry in body["arrays"]])
+        reader = _Reader([_array(entry) for entry in body["arrays"]], observer.sizes)
         progress = Progress(**_progress(body["progress"], reader, observer))
         _check_ranges(progress, observer)
         if progress.state is not None:
@@ -164,9 +164,11 @@ class _Writer:
 class _Reader:
     """Entries of a state from JSON, each checked against its annotation."""
 
-    def __init__(self, arrays: Sequence[np.ndarray[Value, Value]]) -> None:
+    def __init__(
+        self, arrays: Sequence[np.ndarray[Value, Value]], sizes: Mapping[str, int]
+    ) -> None:
         self._arrays = arrays
-        self.entries = StateEntries()
+        self.entries = StateEntries(sizes)
 
     def entry(self, hint: Any, value: Value, name: str, marks: Sequence[str] = ()) -> Value:
         origin, args = get_origin(hint), get_args(hint)
@@ -226,11 +228,14 @@ class _Reader:
         if value["type"] != kind.__name__:
             raise wrong(f"{name}.type", kind.__name__, value["type"])
         hints, unset = get_type_hints(kind, include_extras=True), _nan_before_the_first(kind)
+        around, self.entries.own = self.entries.own, {}
         record = kind(*(
             math.nan if value[one] == "nan" and one in unset
             else self.entry(hints[one], value[one], f"{name}.{one}")
             for one in names
         ))  # fmt: skip
+        self.entries.own = around
+        self.entries.is_refuted |= bool(getattr(record, "refutation", ""))
         if isinstance(record, DwellGuard):
             self.entries.guards.append((name, record))
         return record

@@ -177,6 +177,37 @@ def test_without_report_delay_rows_that_go_back_are_refused(desk: Path) -> None:
     assert "provisional" not in Path("f.csv").read_text()
 
 
+@pytest.mark.parametrize("stdin", [False, True])
+def test_a_record_of_rows_that_are_all_late_is_refused(desk: Path, stdin: bool) -> None:
+    obsdesign.design(Problem.from_dict(DOSES)).save("d0.json")
+    titles, *rows = cells("time.csv")
+    k = titles.index("received")
+    late = [[*row[:k], str(float(row[0]) + 2 + 0.01 * i), *row[k + 1 :]]
+            for i, row in enumerate(rows)]  # fmt: skip
+
+    def run(rows: list[list[str]], *options: str) -> Result:
+        record = text(titles, rows)
+        Path("late.csv").write_text(record)
+        source = ["d0.json"] if stdin else ["d0.json", "late.csv"]
+        return ran("run", *source, "-o", "f.csv", *options, stdin=record if stdin else None)
+
+    done = run(late, START)
+    assert str(done.exception) == (
+        f"{'standard input' if stdin else 'late.csv'}: rows at most report_delay 0 late are "
+        f"required; all {len(rows)} are later, by {2 + 0.01 * (len(rows) - 1):.9g} at most. Is "
+        "report_delay of the events and sensors stated?"
+    )
+    assert not Path("f.csv").exists()
+    # the twins: one row on time, and a further part of a record
+    assert run([*late, [str(float(late[-1][k]) + 1), *rows[-1][1:k], "", *rows[-1][k + 1 :]]],
+               START).exception is None  # fmt: skip
+    assert run([[*row[:k], "", *row[k + 1 :]] for row in rows[:9]], START, "--state",
+               "s.json").exception is None  # fmt: skip
+    done = run(late[:2], "--state", "s.json")
+    assert (done.exception, done.return_value) == (None, 0)
+    assert done.stderr.count("it is skipped") == 2
+
+
 @pytest.mark.parametrize("delay", [-1, "inf", "soon"])
 def test_a_delay_that_is_none_is_refused(delay: Any) -> None:
     body = delayed()

@@ -164,7 +164,7 @@ WRONG: dict[str, Any] = {
     "values must be of type float": lambda b: b["arrays"][0].__setitem__("values", [1, 2, 3, 4]),
     "shape must be that of 4 values": lambda b: b["arrays"][0].__setitem__("shape", [3]),
     "dtype must be one of": lambda b: b["arrays"][0].__setitem__("dtype", ["float"]),
-    "not a state of this design: ValueError": lambda b: b["arrays"][0].update(
+    "state.box must be of shape (4); got [3]": lambda b: b["arrays"][0].update(
         shape=[3], values=[0.5, 0.5, 0.5]
     ),
 }

@@ -12,9 +12,9 @@ import pytest
 
 import obsdesign
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.runtime.base import corrected_jump
 from obsdesign.runtime.interval.maps import jump_maps
 from obsdesign.runtime.interval.model import observer_model
+from obsdesign.runtime.jump import corrected_jump
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

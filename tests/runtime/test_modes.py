@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,16 @@ import pytest
 
 from obsdesign.data.execution import execute
 from obsdesign.data.simulation import simulate
+from obsdesign.document import digest
+from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
+from obsdesign.runtime.base import samples_of
 from obsdesign.runtime.bounds import Bounds
+from obsdesign.runtime.columns import Columns
+from obsdesign.runtime.interval.modes import SwitchedIntervalObserver
+from obsdesign.runtime.progress import Progress
+from obsdesign.runtime.stored_state import progress_from_text, state_text
 from obsdesign.workflow import design, investigate
 from tests.systems.switched import random_switched, valve
 
@@ -70,6 +78,33 @@ def test_modes_that_differ_in_name_alone_are_no_modes(kind: str) -> None:
         if first is not None:
             np.testing.assert_array_equal(first, second)
     assert set(several.status) == {"ok"}
+
+
+def test_new_bounds_end_a_refutation_in_the_mode_that_holds() -> None:
+    observer = from_design(design(valve()))
+    assert isinstance(observer, SwitchedIntervalObserver)
+    run = simulate(valve().plant, until=60, step=0.05, initial=[30, 20])
+    samples = list(samples_of(Columns.from_arrays(run.t, run.block("y"), mode=run.mode)))
+    x, place = run.block("x"), (run.mode or []).index("closed") + 5
+    state = observer.init(0.0, lower=x[0] - 20, upper=x[0] - 10)  # x is outside
+    for sample in samples[: place + 1]:
+        state, estimate = observer.step(state, sample)
+    assert "void since" in estimate.status
+    again = observer.reset(state, lower=x[place] - 1, upper=x[place] + 1)
+    assert again._replace(inner=state.inner) == state  # the mode and the time of entry
+    outside, statuses = [], set()
+    for sample, truth in zip(samples[place + 1 :], x[place + 1 :], strict=True):
+        state, refuted = observer.step(state, sample)
+        assert "void since" in refuted.status
+        again, estimate = observer.step(again, sample)
+        assert estimate.lower is not None
+        assert estimate.upper is not None
+        statuses.add(estimate.status)
+        outside.append(((estimate.lower > truth) | (truth > estimate.upper)).any())
+    assert not any(outside)
+    assert statuses == {"ok"}
+    with pytest.raises(ValueError, match="exceeds upper"):
+        observer.reset(again, lower=[1, 1], upper=[0, 0])
 
 
 @pytest.mark.parametrize("kind", ["interval", "luenberger"])
@@ -146,9 +181,39 @@ def test_a_run_in_parts_gives_the_same_rows(tmp_path: Path, kind: str) -> None:
     assert parts == whole
 
 
-def test_gains_of_other_modes_do_not_run() -> None:
+@pytest.mark.parametrize(
+    ("entry", "other"),
+    [
+        ("A", [[-1.2, 0.1], [0.5, -0.4]]), ("every", [2.0, 11.0]), ("next", "closed+open"),
+        ("G", [[0.5, 0.0], [0.0, 0.5]]), ("noise_bound", [0.001]), ("flow_upper", [0.0, 0.0]),
+    ],
+)  # fmt: skip
+def test_gains_of_other_modes_do_not_run(entry: str, other: object) -> None:
     made = design(valve())
     gains = {"modes": [dict(mode) for mode in made.gains["modes"]]}
-    gains["modes"][0]["A"] = 2 * gains["modes"][0]["A"]
+    gains["modes"][0][entry] = other
     with pytest.raises(ValueError, match=r"gains\.modes differ from problem\.mode"):
         from_design(replace(made, gains=gains))
+
+
+def test_gains_of_the_stated_modes_run_however_they_are_stated() -> None:
+    body = valve(kind="luenberger").to_dict()
+    (sensor,) = body["sensor"]
+    sensor["noise_bound"] = [[-0.01, 0.03]]
+    body["mode"][0] |= {"G": [[1, 0], [0, 1]], "next": ["closed"]}
+    body["mode"][1] |= {"every": [2, "inf"], "next": [], "A": [[-0.1, 0], [0, -0.3]],
+                        "disturbance": {"lower": [-1, 0], "upper": [0, 1]}}  # fmt: skip
+    assert from_design(design(Problem.from_dict(body))).names == ("x1", "x2")
+
+
+@pytest.mark.parametrize("place", [-1, 2])
+def test_a_stored_mode_is_one_of_the_design(place: int) -> None:
+    made = design(valve())
+    observer = from_design(made)
+    state, _ = observer.step(observer.start(0.0, [-1, 1, -1, 1]), Sample(0.0, [0.0], mode="closed"))
+    body = json.loads(state_text(made, Progress(state)))
+    assert body["progress"][0]["mode"] == 1
+    body["progress"][0]["mode"] = place
+    text = json.dumps(body | {"digest": digest(body)})
+    with pytest.raises(InputError, match=r"state\.mode must be from 0 to below 2; got"):
+        progress_from_text(text, made, observer, "s.json")

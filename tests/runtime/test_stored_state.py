@@ -6,7 +6,7 @@ import functools
 import json
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -165,8 +165,8 @@ def test_a_part_of_several_types_has_the_entries_of_its_own(case: str) -> None:
 
 MAY_BE = {
     "nan": {"state.window", "state.sent", "stages.strip", "waiting"},
-    "inf": {"state.box", "stages.box", "state.start", "state.recent", "course.radius", "course.path",
-            "bounds.radius", "cached_radius.radius"},
+    "inf": {"course.radius", "course.path", "bounds.radius", "cached_radius.radius"},
+    "-inf": {"state.box", "stages.box", "state.start", "state.recent", "course.path"},
 }  # fmt: skip
 
 
@@ -195,17 +195,97 @@ def test_arrays_are_finite_where_their_meaning_allows_nothing_else(case: str) ->
     for place, name in names.items():
         if body["arrays"][place]["dtype"] != "float" or not body["arrays"][place]["values"]:
             continue
-        for word in ("nan", "inf"):
+        for word in MAY_BE:
             changed = json.loads(text)
             changed["arrays"][place]["values"][0] = word
             signed = json.dumps(changed | {"digest": digest(changed)})
             if name in MAY_BE[word]:
                 progress_from_text(signed, design, observer, "s.json")
                 continue
-            with pytest.raises(InputError, match=rf"must be finite.*; got \"{word}\"\.$"):
+            reason = rf"must be (finite.*; got \"{word}\"\.$|lower bounds at|at least 0)"
+            with pytest.raises(InputError, match=reason):
                 progress_from_text(signed, design, observer, "s.json")
             count += 1
     assert count >= 2
+
+
+def reshaped(array: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The numbers of an array with one axis more, a vector with one entry less or more."""
+    shape, axes, values = array["shape"], array["axes"], array["values"]
+    yield array | {"shape": [*shape, 1], "axes": [*axes, len(axes)]}
+    if len(shape) == 1 and values:
+        yield array | {"shape": [shape[0] + 1], "values": values + values[-1:]}
+        yield array | {"shape": [shape[0] - 1], "values": values[1:]}
+
+
+# rows that came, of a window or a grid: as many as there are
+ANY_NUMBER = {"state.window", "known.closed", "grid.onsets", "grid.cell", "stages.known",
+              "scan.values"}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_arrays_have_the_sizes_of_the_design(case: str) -> None:
+    """A wrong size is refused at the door: numpy would repeat a vector of one entry."""
+    design, observer, state, samples = recorded(case)
+    stream = Stream(observer, Progress(state))
+    list(stream.estimates(iter(samples[:30]), live=True))
+    text, count = state_text(design, stream.progress), 0
+    body = json.loads(text)
+    progress_from_text(text, design, observer, "s.json")  # the twin: the file as it was written
+    for place, name in arrays_by_name(body["progress"][0]).items():
+        if name in ANY_NUMBER:
+            continue
+        for array in reshaped(body["arrays"][place]):
+            changed = body | {"arrays": [*body["arrays"]]}
+            changed["arrays"][place] = array
+            signed = json.dumps(changed | {"digest": digest(changed)})
+            with pytest.raises(InputError, match=r"must be (of shape|a list of|at most)"):
+                progress_from_text(signed, design, observer, "s.json")
+            count += 1
+    assert count >= 3
+
+
+@pytest.mark.parametrize(
+    ("case", "name", "words"),
+    [
+        ("interval, continuous", "state.box", "lower bounds at most the upper ones"),
+        ("interval, periodic", "state.box", "lower bounds at most the upper ones"),
+        ("set membership", "state.start", "lower bounds at most the upper ones"),
+        ("set membership", "stages.box", "lower bounds at most the upper ones"),
+        ("set membership", "stages.radius", "at least 0"),
+        ("finite time, bounds", "bounds.radius", "at least 0"),
+    ],
+)
+def test_bounds_of_a_state_are_in_order(case: str, name: str, words: str) -> None:
+    design, observer, state, samples = recorded(case)
+    stream = Stream(observer, Progress(state))
+    list(stream.estimates(iter(samples[:30]), live=True))
+    body = json.loads(state_text(design, stream.progress))
+    places = arrays_by_name(body["progress"][0])
+    place = next(k for k in sorted(places, reverse=True) if places[k] == name)
+    values = body["arrays"][place]["values"]
+    body["arrays"][place]["values"] = [-1.0] * len(values)
+    if name.endswith("box") and case.startswith("interval"):  # [lower; -upper]
+        body["arrays"][place]["values"] = [1.0] * len(values)
+    elif "at least" not in words:
+        body["arrays"][place]["values"] = values[::-1]
+    text = json.dumps(body | {"digest": digest(body)})
+    with pytest.raises(InputError, match=words):
+        progress_from_text(text, design, observer, "s.json")
+
+
+@pytest.mark.parametrize("case", ["interval, continuous", "set membership"])
+def test_void_bounds_of_a_refuted_state_go_on(case: str) -> None:
+    """The twin of crossed bounds: those that the data crossed, with the time since when."""
+    design, observer, state, samples = recorded(case)
+    k = next(k for k, sample in enumerate(samples) if k > 5 and sample.y is not None)
+    far = samples[k]._replace(y=np.asarray(samples[k].y) + 1e4)
+    stream = Stream(observer, Progress(state))
+    rows = [*samples[:k], far, *samples[k + 1 : 30]]
+    assert "void since" in list(stream.estimates(iter(rows), live=True))[-1].status
+    text = state_text(design, stream.progress)
+    kept = progress_from_text(text, design, observer, "s.json")
+    assert kept.state.refutation
 
 
 def reversed_stages(state: Any) -> None:

@@ -24,6 +24,7 @@ from obsdesign.equations.finite_time.formulas import difference_block
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.runtime.finite_time.flow_maps import FlowMaps
 from obsdesign.runtime.finite_time.tape import Tape, extend
+from obsdesign.runtime.state_marks import States
 from obsdesign.runtime.step_cache import cached_step
 
 
@@ -34,9 +35,9 @@ class KnownInput:
     tape, end: where the closed periods may grow.
     """
 
-    d: Matrix
-    c: Matrix
-    q: Matrix
+    d: States
+    c: States
+    q: States
     age: float
     closed: Matrix
     tape: Tape | None = None

@@ -23,15 +23,7 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.column_names import pairs
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
-from obsdesign.runtime.base import (
-    MODERATE,
-    Estimate,
-    Sample,
-    instant,
-    later,
-    status_of,
-    vector,
-)
+from obsdesign.runtime.base import MODERATE, Estimate, Sample, instant, later, vector
 from obsdesign.runtime.finite_time.clock import anchored, at_stamp, moved_to
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.steady import outward_ends, steady_step
@@ -45,6 +37,7 @@ from obsdesign.runtime.finite_time.window import (
     sampled,
 )
 from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.status import status_of
 
 
 @dataclass(frozen=True)
@@ -64,6 +57,11 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
     def constants(self) -> WindowConstants:
         """Matrices that follow from the gains."""
         return WindowConstants(self.gains)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of axes: as for points, and d of the contributions of an input."""
+        return super().sizes | {"d": self.constants.driven(np.zeros(self.gains.m)).size}
 
     @property
     def names(self) -> tuple[str, ...]:

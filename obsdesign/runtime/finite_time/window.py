@@ -5,7 +5,7 @@ A state is never changed: every function returns a new one.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,12 +13,20 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import raised
 from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, least_squares_gain
-from obsdesign.runtime.base import corrected_jump, no_jumps
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import Tape
-from obsdesign.runtime.state_marks import Bounded, Measured, Past
+from obsdesign.runtime.jump import corrected_jump, no_jumps
+from obsdesign.runtime.state_marks import (
+    Axes,
+    Inputs,
+    Measured,
+    Past,
+    Radii,
+    States,
+    UnboundedRadii,
+)
 
 # with bounds w is replaced when it is that much larger than the estimate
 _LARGEST_RATIO = 2.0
@@ -31,13 +39,13 @@ class CachedRadius(NamedTuple):
     shift_rounding: the array itself; w_rounding: the one that enters the radius.
     """
 
-    w: Matrix
-    x: Matrix
-    forced: Matrix
+    w: States
+    x: States
+    forced: States
     square: float
-    shift_rounding: Matrix
-    w_rounding: Matrix
-    radius: Bounded
+    shift_rounding: Radii
+    w_rounding: Radii
+    radius: UnboundedRadii
 
 
 class HeldInput(NamedTuple):
@@ -46,9 +54,9 @@ class HeldInput(NamedTuple):
     size: |B| |u| + |b_mid|.
     """
 
-    u: Matrix
-    drive: Matrix
-    size: Matrix
+    u: Inputs
+    drive: Annotated[Matrix, Axes("d")]
+    size: States
 
 
 def held_input(constants: WindowConstants, u: Matrix) -> HeldInput:
@@ -77,11 +85,11 @@ class StateBounds(NamedTuple):
     residuals when w was shifted; cached_radius: the last one.
     """
 
-    centre: Matrix
-    radius: Bounded
-    w_rounding: Matrix
-    w_error: Matrix
-    shift_rounding: Matrix
+    centre: States
+    radius: UnboundedRadii
+    w_rounding: Radii
+    w_error: Radii
+    shift_rounding: Radii
     cached_radius: CachedRadius | None
 
 
@@ -95,8 +103,8 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     """
 
     t: float
-    x: Matrix
-    w: Matrix
+    x: States
+    w: States
     held: HeldInput
     window: Measured
     known: KnownInput | None

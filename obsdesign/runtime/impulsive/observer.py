@@ -26,17 +26,13 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.exponential import expm, flow_integrals
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
-from obsdesign.runtime.base import (
-    Estimate,
-    Sample,
-    corrected_jump,
-    instant,
-    status_of,
-    vector,
-)
+from obsdesign.runtime.base import Estimate, Sample, instant, vector
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
+from obsdesign.runtime.jump import corrected_jump
 from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.state_marks import Inputs, States
+from obsdesign.runtime.status import status_of
 from obsdesign.runtime.step_cache import cached_step
 
 # condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
@@ -52,8 +48,8 @@ class ImpulsiveState:
     """
 
     t: float
-    x: Matrix
-    u: Matrix
+    x: States
+    u: Inputs
     window: SlidingWindow
     spacing: float | None
     guard: DwellGuard

@@ -13,18 +13,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime.state_marks import Axes
 
 
 @dataclass(frozen=True, slots=True)
 class Element:
     """move Phi (r, r); factor R (rows, r); count: measurements in it."""
 
-    move: Matrix
-    factor: Matrix
+    move: Annotated[Matrix, Axes("r r")]
+    factor: Annotated[Matrix, Axes("rows r")]
     count: int = 1
 
     def then(self, later: Element, alpha: float, mask: Matrix) -> Element:
@@ -46,7 +48,7 @@ class SlidingWindow:
     """
 
     alpha: float
-    mask: Matrix
+    mask: Annotated[Matrix, Axes("r r")]
     front: tuple[tuple[Element, Element], ...] = ()
     back: tuple[Element, ...] = ()
     recent: Element | None = None

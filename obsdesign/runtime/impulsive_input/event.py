@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.state_marks import Axes
+from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
 
 MISSING, OPEN = "missing sample", "unresolved"  # of a row
@@ -23,15 +26,15 @@ class Event:
     """
 
     t: float
-    weights: Matrix
+    weights: Annotated[Matrix, Axes("q")]
     t_std: float | None = None
-    weights_std: Matrix | None = None
+    weights_std: Annotated[Matrix, Axes("q")] | None = None
     doubts: tuple[str, ...] = ()
 
     @property
     def status(self) -> str:
         """`ok`, or what is doubtful."""
-        return "; ".join(self.doubts) or "ok"
+        return with_reasons("ok", self.doubts)
 
     def row(self) -> tuple[float | str, ...]:
         """The cells of an event file: t, weights, t_std, deviations of the weights, status."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lmi.arithmetic.arrays import Matrix
-from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.state_marks import Inputs, Past, Square, States
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,8 +15,8 @@ class Initial:
     """
 
     t: float
-    x: Matrix
-    u: Matrix
-    covariance: Matrix | None
+    x: States
+    u: Inputs
+    covariance: Square | None
     since: Past
     first: Past | None = None

@@ -41,6 +41,7 @@ from obsdesign.runtime.impulsive_input.record_checks import check_resolution, ch
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
 from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.point_observer import PointObserver
+from obsdesign.runtime.state_marks import Inputs
 
 _BLOCK = 1024  # rows that a batch hands over at once, at least a window of them
 
@@ -66,7 +67,7 @@ class ImpulsiveInputState:
     """Everything the next step needs; decided: rows that the last step settled, oldest first."""
 
     t: float
-    u: Matrix
+    u: Inputs
     started: bool
     live: Initial | IntegralLive | SampledLive
     decided: tuple[Estimate, ...] = ()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,8 @@ from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.named_clocks import Kept, NamedClocks
 from obsdesign.runtime.silent_sensors import SilentSensors
-from obsdesign.runtime.state_marks import Bounded, Measured, Past
+from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, MeasuredRow, Past, StackedBox
+from obsdesign.runtime.status import with_reasons
 
 
 class ClockedState(NamedTuple):
@@ -39,13 +40,13 @@ class ClockedState(NamedTuple):
     """
 
     t: float
-    box: Bounded
-    u: Matrix
-    held: Matrix
+    box: StackedBox
+    u: Inputs
+    held: Annotated[Matrix, ROWS, Axes("2 n")]
     guards: tuple[DwellGuard, ...]
     started: bool
     sampled: tuple[Past, ...]
-    sent: Measured
+    sent: MeasuredRow
     refutation: str = ""
 
 
@@ -120,8 +121,9 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         names = [self.gains.events[k].name for k in events]
         lower, upper = cut.box[: self.n], -cut.box[self.n :]
         listed = tuple((t, text) for text in names + reasons)
-        status = "; ".join(reasons) or "ok"
-        return following, Estimate(t, None, lower, upper, events=listed, status=status)
+        return following, Estimate(
+            t, None, lower, upper, events=listed, status=with_reasons("ok", reasons)
+        )
 
     @property
     def guards(self) -> tuple[DwellGuard, ...]:

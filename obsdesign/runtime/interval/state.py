@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,15 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.boxes import initial_bounds, midpoint
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.model import Model
-from obsdesign.runtime.state_marks import Bounded, Past
+from obsdesign.runtime.state_marks import (
+    UNBOUNDED,
+    Axes,
+    Inputs,
+    Outputs,
+    Past,
+    StackedBox,
+    UnboundedRadii,
+)
 
 
 class Course(NamedTuple):
@@ -24,8 +32,8 @@ class Course(NamedTuple):
 
     since: Past
     now: Past
-    radius: Bounded
-    path: Bounded
+    radius: UnboundedRadii
+    path: Annotated[Matrix, UNBOUNDED, Axes("2n")]
 
 
 class HeldBounds(NamedTuple):
@@ -35,8 +43,8 @@ class HeldBounds(NamedTuple):
     the noise of the measurement that the step starts from.
     """
 
-    b: Matrix
-    v: Matrix
+    b: Annotated[Matrix, Axes("2n")]
+    v: Outputs
 
 
 class IntervalState(NamedTuple):
@@ -52,9 +60,9 @@ class IntervalState(NamedTuple):
     """
 
     t: float
-    box: Bounded
-    u: Matrix
-    y: Matrix | None
+    box: StackedBox
+    u: Inputs
+    y: Outputs | None
     guard: DwellGuard
     started: bool
     sampled: Past

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.runtime.base import no_jumps, vector
+from obsdesign.runtime.base import vector
 from obsdesign.runtime.boxes import BoundsFault
 from obsdesign.runtime.interval.kernel import Kernel, KernelParts, Result, crossed
 from obsdesign.runtime.interval.kernel_rows import Cuts, is_known_from_strip, kernel
@@ -26,6 +26,7 @@ from obsdesign.runtime.interval.maps import (
 from obsdesign.runtime.interval.model import Model, observer_model
 from obsdesign.runtime.interval.path import PathMap, around_path
 from obsdesign.runtime.interval.state import Course
+from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.step_cache import shared_step
 
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps

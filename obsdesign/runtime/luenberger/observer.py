@@ -20,18 +20,13 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.runtime.base import (
-    Estimate,
-    Sample,
-    corrected_jump,
-    instant,
-    no_jumps,
-    status_of,
-    vector,
-)
+from obsdesign.runtime.base import Estimate, Sample, instant, vector
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.flow_response import Maps, responses
+from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.state_marks import Inputs, Outputs, States
+from obsdesign.runtime.status import status_of
 from obsdesign.runtime.step_cache import cached_step
 
 
@@ -40,9 +35,9 @@ class LuenbergerState:
     """Everything the next step needs: the estimate x just after time t."""
 
     t: float
-    x: Matrix
-    u: Matrix
-    y: Matrix | None
+    x: States
+    u: Inputs
+    y: Outputs | None
     guard: DwellGuard
     started: bool
 

@@ -54,6 +54,11 @@ class InputBoundsObserver(BoundsObserver[SetMembershipState]):
         return self._inner.capacities
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the axes of a state's arrays, which is one of (x, d)."""
+        return {**self._inner.sizes, "y": self.gains.p}
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t: x1_lo, ..., d1_lo, ..., l1_lo, ..., x1_lag_lo, ..."""
         listed = self._of_state.names

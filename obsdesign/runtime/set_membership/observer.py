@@ -38,6 +38,7 @@ from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
 from obsdesign.runtime.silent_sensors import SilentSensors
+from obsdesign.runtime.status import with_reasons
 
 # time, measurements and events of a row
 _Measurements = tuple[float, Matrix | None, tuple[int, ...]]
@@ -73,6 +74,13 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         """Stages of a window, and boxes of earlier rows."""
         lag = self.gains.fixed_lag
         return {"stages": self.gains.window, "recent": 0 if lag is None else lag + 1}
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of axes; b: of the flow's disturbance, w: of any; events: number of them."""
+        model = self._model
+        counts = {"b": len(model.flow.lower), "w": model.width, "events": len(model.jumps)}
+        return super().sizes | counts
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -156,7 +164,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             recent=self._bounder.kept((*recent, row.result.box)),
         )  # fmt: skip
         listed = tuple((state.t, text) for text in events + reasons)
-        return state, self._estimate(state.t, row.result, listed, "; ".join(reasons) or "ok")
+        return state, self._estimate(state.t, row.result, listed, with_reasons("ok", reasons))
 
     def _measured(self, y: ArrayLike | None) -> Matrix | None:
         """The measurement, NaN where an output is missing; None where all are."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,17 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, raised
 from obsdesign.runtime.set_membership.model import Model
 from obsdesign.runtime.set_membership.tables import Table, Tables
-from obsdesign.runtime.state_marks import Bounded, Measured, Past, Step
+from obsdesign.runtime.state_marks import (
+    MISSING,
+    RADIUS,
+    Axes,
+    Below,
+    Box,
+    Past,
+    Radii,
+    States,
+    Step,
+)
 
 
 class Targets(NamedTuple):
@@ -50,15 +60,15 @@ class Stage(NamedTuple):
     h: Step
     size: float
     jump: bool
-    known: Matrix
-    drift: Matrix
-    drift_error: Matrix
-    radius: Matrix
-    strip: Measured | None
-    box: Bounded
+    known: Annotated[Matrix, Axes("k")]
+    drift: States
+    drift_error: Radii
+    radius: Annotated[Matrix, RADIUS, Axes("w")]
+    strip: Annotated[Matrix, MISSING, Axes("2 p")] | None
+    box: Box
     ends_row: bool
     spread: float = 0.0
-    event: int = 0
+    event: Annotated[int, Below("events")] = 0
     in_time: bool = True
 
     @property

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.set_membership.stages import Stage
-from obsdesign.runtime.state_marks import Bounded, Measured, Past
+from obsdesign.runtime.state_marks import ROWS, Axes, Box, Inputs, MeasuredRow, Past
 
 
 class SetMembershipState(NamedTuple):
@@ -22,14 +22,14 @@ class SetMembershipState(NamedTuple):
     """
 
     t: float
-    box: Bounded
-    start: Bounded
+    box: Box
+    start: Box
     stages: tuple[Stage, ...]
-    u: Matrix
-    held: Matrix
+    u: Inputs
+    held: Annotated[Matrix, ROWS, Axes("2 b")]
     guards: tuple[DwellGuard, ...]
     started: bool
     sampled: tuple[Past, ...]
-    sent: Measured
+    sent: MeasuredRow
     refutation: str = ""
-    recent: tuple[Bounded, ...] = ()
+    recent: tuple[Box, ...] = ()

@@ -28,6 +28,7 @@ from obsdesign.runtime.base import (
     centred,
 )
 from obsdesign.runtime.point_observer import PointObserver
+from obsdesign.runtime.state_marks import Outputs
 from obsdesign.runtime.unknown_input.measurements import usable
 from obsdesign.runtime.unknown_input.observer import UnknownInputObserver, UnknownInputState
 
@@ -44,7 +45,7 @@ class FixedLagState:
 
     present: UnknownInputState
     past: UnknownInputState
-    measured: tuple[tuple[float, Matrix], ...] = ()
+    measured: tuple[tuple[float, Outputs], ...] = ()
     done: int = 0
     waiting: tuple[Row, ...] = ()
     decided: tuple[Estimate, ...] = ()
@@ -74,6 +75,11 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t."""
         return self.inner.names
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the axes of a state's arrays."""
+        return self.inner.sizes
 
     @cached_property
     def _lag(self) -> int:

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,12 +37,12 @@ from obsdesign.runtime.base import (
     centred,
     instant,
     later,
-    no_jumps,
-    status_of,
     vector,
 )
+from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.point_observer import PointObserver
-from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.state_marks import Axes, Outputs, Past, States
+from obsdesign.runtime.status import status_of
 from obsdesign.runtime.unknown_input.measurements import smoothed_record, usable
 from obsdesign.runtime.unknown_input.steps import (
     LONGEST,
@@ -65,11 +65,11 @@ class UnknownInputState(NamedTuple):
 
     t: float
     t_measured: Past
-    x: Matrix
-    w: Matrix | None
-    y: Matrix | None
-    u: Matrix
-    u_integral: Matrix | None = None
+    x: States
+    w: Annotated[Matrix, Axes("k")] | None
+    y: Outputs | None
+    u: Annotated[Matrix, Axes("i")]
+    u_integral: Annotated[Matrix, Axes("i")] | None = None
     slope: Slope | None = None
     interval: Interval | None = None
     started: bool = True
@@ -97,6 +97,13 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t."""
         return super().names + numbered("d", self.gains.q)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of axes: as for points, k reduced states, i inputs, and the maps of a step."""
+        sizes, k, i = super().sizes, self.gains.k, self.gains.m + 1
+        results = k + self.gains.n + self.gains.q
+        return sizes | {"k": k, "i": i, "in": k + 2 * self.gains.p + i, "out": results}
 
     @property
     def takes_whole_records(self) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from obsdesign.equations.unknown_input.formulas import DAMPING, STEP_LIMIT
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
+from obsdesign.runtime.state_marks import Axes, Outputs
+from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.step_cache import cached_step
 
 # time stamps must resolve a step to this part of its length
@@ -34,13 +36,13 @@ class Interval(NamedTuple):
     """
 
     length: float
-    step: Matrix | None
+    step: Annotated[Matrix, Axes("out in")] | None
     status: str
     is_resolved: bool
 
 
 # derivative of the measurement over an interval: length, mean of y, y'
-Slope = tuple[float, Matrix, Matrix]
+Slope = tuple[float, Outputs, Outputs]
 
 
 def damped_slope(before: Slope | None, h: float, y_before: Matrix, y: Matrix) -> Slope:
@@ -93,7 +95,7 @@ class Steps:
         if h * self._fastest > STEP_LIMIT:
             limit = STEP_LIMIT / self._fastest
             reasons.append(f"sampling time {h:.9g} above {limit:.6g} = 2/|f|")
-        return Interval(h, None, "; ".join(reasons) or "ok", is_resolved)
+        return Interval(h, None, with_reasons("ok", reasons), is_resolved)
 
     def matrix(self, h: float) -> Matrix:
         """The matrix of a step of length h."""

@@ -14,6 +14,7 @@ import itertools
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from obsdesign.runtime.impulsive_input.integral.recursions import (
     running_integrals,
 )
 from obsdesign.runtime.impulsive_input.plant import HeldPlant
-from obsdesign.runtime.state_marks import PastTimes
+from obsdesign.runtime.state_marks import PAST, Axes
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 
@@ -40,11 +41,11 @@ class Track:
     integrals (L, p, k): running integrals I of the residual for the k exponents below zero.
     """
 
-    t: PastTimes
-    y: Matrix
-    forcing: Matrix
-    x: Matrix
-    integrals: Matrix
+    t: Annotated[Matrix, PAST, Axes("rows")]
+    y: Annotated[Matrix, Axes("rows p")]
+    forcing: Annotated[Matrix, Axes("rows n")]
+    x: Annotated[Matrix, Axes("rows n")]
+    integrals: Annotated[Matrix, Axes("rows p k")]
 
     def from_row(self, row: int) -> Track:
         """The track from a row on."""

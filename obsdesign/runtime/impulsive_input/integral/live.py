@@ -5,25 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.history import History
 from obsdesign.runtime.impulsive_input.integral.free_run import Track
 from obsdesign.runtime.impulsive_input.integral.search import Scan
-from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.state_marks import Inputs, Past, Square, States
 
 
 class HeldInput(NamedTuple):
     """A row after the last measurement, and the input u (m,) from then on."""
 
     t: Past
-    u: Matrix
+    u: Inputs
 
 
 class AbsentRow(NamedTuple):
     """A row between two measurements, and how far the forcing moves the plant since the first."""
 
     t: Past
-    displacement: Matrix
+    displacement: States
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,7 @@ class IntegralLive:
     """
 
     track: Track
-    covariance: Matrix | None
+    covariance: Square | None
     since: Past
     first: Past
     scan: Scan = field(default_factory=Scan)

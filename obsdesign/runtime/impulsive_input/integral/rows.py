@@ -16,7 +16,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.gains import LARGEST
-from obsdesign.runtime.base import Estimate, status_of
+from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.impulsive_input.event import (
     OPEN,
     Event,
@@ -26,6 +26,7 @@ from obsdesign.runtime.impulsive_input.event import (
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.live import AbsentRow, HeldInput, IntegralLive
+from obsdesign.runtime.status import status_of, with_reasons
 
 _BEYOND = "beyond what floats can follow: samples are too far apart for A - K C"
 
@@ -116,7 +117,7 @@ class Rows:
         rows = self.decided_rows(live, len(live.track.t), remarks=(OPEN,))
         waiting = list(self.predictions(live))[1:]
         rows += [
-            Estimate(t, x=x, status="; ".join([*self._missing(live.first, t), OPEN]))
+            Estimate(t, x=x, status=with_reasons("ok", [*self._missing(live.first, t), OPEN]))
             for t, x in waiting
         ]
         return tuple(rows)
@@ -161,7 +162,7 @@ class Rows:
     ) -> Estimate:
         beyond = () if np.abs(x).max() < LARGEST else (_BEYOND,)
         reasons = (*missing, *beyond, *live.history.doubt.doubts_at(t), *remarks)
-        return Estimate(t, x=x, status="; ".join(reasons) or "ok")
+        return Estimate(t, x=x, status=with_reasons("ok", reasons))
 
     def _missing(self, first: float, t: float) -> tuple[str, ...]:
         return missing_sample(self.run.gains.period, first, t)

@@ -15,11 +15,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.equations.impulsive_input.decision_rule import EVALUATED_AGE_SHARE
+from obsdesign.runtime.state_marks import Axes
 from obsdesign.runtime.time_stamps import time_tolerance
 
 _SHARE = 0.5  # of the features that it must explain
@@ -154,7 +156,7 @@ class Scan:
     until there is one.
     """
 
-    values: Matrix = field(default_factory=lambda: np.zeros(0))
+    values: Annotated[Matrix, Axes("rows")] = field(default_factory=lambda: np.zeros(0))
     search: Search = field(default_factory=Search)
     rule: Rule | None = None
     position: Position | None = None

@@ -8,12 +8,13 @@ follow from them, in time proportional to its samples.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.plant import HeldPlant
-from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.state_marks import Axes, Inputs, Outputs, Past, Square, States
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +22,9 @@ class Row:
     """One row: time, measurement (None: missing), known input from then on, deviations (p,)."""
 
     t: Past
-    y: Matrix | None
-    u: Matrix
-    spread: Matrix
+    y: Outputs | None
+    u: Inputs
+    spread: Outputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +37,12 @@ class Filtered:
     """
 
     row: Row
-    x: Matrix
-    factor: Matrix
-    flow: Matrix
-    kept: Matrix
-    shown: Matrix
-    innovation: Matrix
+    x: States
+    factor: Square
+    flow: Square
+    kept: Square
+    shown: Annotated[Matrix, Axes("rows n")]
+    innovation: Annotated[Matrix, Axes("rows")]
 
     @property
     def P(self) -> Matrix:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.history import History
@@ -10,7 +11,7 @@ from obsdesign.runtime.impulsive_input.residuals import Residuals
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered
 from obsdesign.runtime.impulsive_input.samples.onset import Cells
 from obsdesign.runtime.impulsive_input.samples.steady_input import SteadyInputs
-from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.state_marks import Axes, Outputs, Past
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +28,7 @@ class SampledLive:
     rows: tuple[Filtered, ...]
     cells: Cells
     steady: SteadyInputs
-    level: Matrix
+    level: Annotated[Matrix, Axes("")] | Outputs
     first: Past
     before: tuple[Filtered, ...] = ()
     history: History = field(default_factory=History)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from obsdesign.runtime.impulsive_input.samples.filter import (
     triangular,
 )
 from obsdesign.runtime.impulsive_input.whitening import log_evidence
+from obsdesign.runtime.state_marks import Axes
 from obsdesign.runtime.step_cache import cached_step
 
 ONSETS = 40  # per period of the samples
@@ -40,9 +42,9 @@ _EQUAL_TIMES = 1e-12  # times closer than this are one
 class Grid:
     """Onsets (G,), the cell of each (G,), and e^{A (t_c - onset)} H (G, n), t_c the cell's end."""
 
-    onsets: Matrix
-    cell: Indices
-    states: Matrix
+    onsets: Annotated[Matrix, Axes("rows")]
+    cell: Annotated[Indices, Axes("rows")]
+    states: Annotated[Matrix, Axes("rows n")]
 
     @classmethod
     def empty(cls, n: int) -> Grid:
@@ -77,11 +79,11 @@ class Cells:
     scaled innovations, one for each row; grid: onsets that are weighed at every step of the window.
     """
 
-    ends: Matrix
-    propagated: Matrix
-    information: Matrix
-    score: Matrix
-    costs: Matrix
+    ends: Annotated[Matrix, Axes("cells")]
+    propagated: Annotated[Matrix, Axes("n cells n")]
+    information: Annotated[Matrix, Axes("cells n n")]
+    score: Annotated[Matrix, Axes("cells n")]
+    costs: Annotated[Matrix, Axes("cells")]
     grid: Grid
 
     @classmethod

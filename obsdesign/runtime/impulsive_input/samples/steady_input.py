@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
+from obsdesign.runtime.state_marks import States
 
 STEADY = "a steady input explains the record about as well"
 
@@ -30,7 +30,7 @@ class Steady:
     """
 
     at: Filtered
-    sensitivity: Matrix
+    sensitivity: States
     squares: float = 0.0
     products: float = 0.0
     slopes: float = 0.0

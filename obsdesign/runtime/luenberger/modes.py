@@ -1,0 +1,60 @@
+"""Point observers of plants with modes: the estimate passes from mode to mode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lmi.arithmetic.arrays import Entries
+from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.equations.modes import SwitchedGains
+from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.luenberger.observer import LuenbergerObserver, LuenbergerState
+from obsdesign.runtime.modes import Entry, SwitchedObserver, SwitchedState
+
+
+class SwitchedPoint(SwitchedState[LuenbergerState]):
+    """State of a point observer of modes."""
+
+    inner: LuenbergerState
+
+
+@dataclass(frozen=True)
+class SwitchedPointObserver(SwitchedObserver[LuenbergerState, LuenbergerGains]):
+    """Executes a design of kind `luenberger` with modes."""
+
+    gains: SwitchedGains[LuenbergerGains]
+    kind: ClassVar[str] = "luenberger"
+    finds_events: ClassVar[bool] = False
+
+    @classmethod
+    def from_gains(cls, gains: Entries) -> SwitchedPointObserver:
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        return cls(SwitchedGains.from_document(gains, LuenbergerGains))
+
+    @cached_property
+    def observers(self) -> tuple[LuenbergerObserver, ...]:
+        """One observer for each mode."""
+        return tuple(map(LuenbergerObserver, self.gains.gains))
+
+    def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> SwitchedPoint:
+        """State at time t from a guess of x(t), before the first sample and its mode."""
+        return SwitchedPoint(t, self.observers[0].init(t, x=x))
+
+    def start(self, t: float, initial: Sequence[float] | None) -> SwitchedPoint:
+        """State from x1, ..., xn; InputError unless n finite numbers."""
+        return SwitchedPoint(t, self.observers[0].start(t, initial))
+
+    def _entered(
+        self, inner: LuenbergerState, estimate: Estimate, before: int, after: int
+    ) -> Entry[LuenbergerState]:
+        """The estimate in the new mode: the same, or that of the map on entry."""
+        y = inner.y if self.keeps_measurement(before, after) else None
+        G = self.gains.gains[after].G
+        x = inner.x if G is None else np.asarray(G @ inner.x)
+        return Entry(replace(inner, x=x, y=y), estimate._replace(x=x))
