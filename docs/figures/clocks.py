@@ -1,6 +1,6 @@
 """Bounds of plants with modes and with sensors on clocks of their own.
 
-python -m docs.figures.clocks [FOLDER]      draws valve.png and thermometer.png
+python -m docs.figures.clocks [FOLDER]      draws valve.png, motor.png, gps.png, thermometer.png
 """
 
 from __future__ import annotations
@@ -48,6 +48,26 @@ def valve(folder: Path) -> None:
     bounds(problem, record, (-2, 2, -2, 2), folder / "valve.png")
 
 
+def motor(folder: Path) -> None:
+    problem, narrow = of_both_kinds("motor_encoders.toml")
+    record = simulate(problem.plant, until=1.0, initial=(0.0, 0.0, 0.1))
+    start = (-0.01, 0.01, -0.5, 0.5, -1, 1)
+    bounds(narrow, record, start, folder / "motor.png", "set_membership", {"interval": problem})
+
+
+def gps(folder: Path) -> None:
+    problem, narrow = of_both_kinds("odometer_gps.toml")
+    record = simulate(problem.plant, until=60.0, initial=(0.0, 1.0, 0.05))
+    start = (-2, 2, -1, 2, -0.2, 0.2)
+    bounds(narrow, record, start, folder / "gps.png", "set_membership", {"interval": problem})
+
+
+def of_both_kinds(example: str) -> tuple[Problem, Problem]:
+    """The problem of an example, and the same for kind `set_membership`."""
+    problem = obsdesign.load_problem(EXAMPLES / example)
+    return problem, problem.for_kind("set_membership")[0]
+
+
 def thermometer(folder: Path) -> None:
     problem = obsdesign.load_problem(EXAMPLES / "thermometer.toml")
     plant, rng = problem.plant, np.random.default_rng(1)
@@ -59,8 +79,8 @@ def thermometer(folder: Path) -> None:
 
 
 def draw(folder: Path) -> None:
-    valve(folder)
-    thermometer(folder)
+    for one in (valve, motor, gps, thermometer):
+        one(folder)
 
 
 if __name__ == "__main__":
