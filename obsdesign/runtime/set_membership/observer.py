@@ -63,7 +63,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     @property
     def guards(self) -> tuple[DwellGuard, ...]:
         """A guard for every event of the design."""
-        return self._clocks.begin(0.0).guards
+        return self._clocks.named.begin(0.0).guards
 
     @property
     def capacities(self) -> dict[str, int]:
@@ -102,7 +102,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> SetMembershipState:
         """State at time t from bounds of x(t); ValueError unless they are finite and in order."""
         now, box, flow = instant(t), self._box(lower, upper), self._model.flow
-        guards, sampled = self._clocks.begin(now)
+        guards, sampled = self._clocks.named.begin(now)
         return SetMembershipState(
             now, box, box, (), np.zeros(int(self.reads["u"])),
             np.stack([flow.lower, flow.upper]), guards, False, sampled,
@@ -126,8 +126,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         NaN in y marks an output that is missing. ValueError if time does not increase (the first
         sample may share the initial time).
         """
-        t = later(sample.t, state.t, state.started, may_repeat=bool(self.gains.sensors))
-        y, events = self._measured(sample.y), self._clocks.events(sample)
+        t = later(sample.t, state.t, state.started, may_repeat=self._clocks.may_repeat)
+        y, events = self._measured(sample.y), self._clocks.named.places(sample)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         kept, not_kept = self._clocks.after(
             Kept(state.guards, state.sampled), t, (y, events), state.started
@@ -226,7 +226,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     def _jump_stage(self, sample: Sample, t: float, event: int) -> Stage:
         """The stage of an event, without a measurement after it."""
         table, jump = self._tables.jumps[event], self._model.jumps[event]
-        w, declared = self._clocks.inputs(sample, event), self.declared_bounds.c
+        w, declared = self._clocks.named.inputs(sample, event), self.declared_bounds.c
         pair = None if sample.bounds is None else sample.bounds.c
         held = np.stack([jump.c.lower, jump.c.upper])
         if declared is not None:
