@@ -1,1 +1,1 @@
-"""Everything that calls a solver or proposes a certificate; nothing here is believed."""
+"""Everything that calls a solver or proposes a certificate; nothing here is a proof."""

@@ -19,9 +19,9 @@ from obsdesign.data.arrivals import Arrivals, Remark
 from obsdesign.data.csv_text import estimate_header, estimate_line, event_line
 from obsdesign.data.late_run import (
     arrivals_of,
+    final_then_provisional,
     provisional_lines,
     refuse_late_rows,
-    then_the_rest,
 )
 from obsdesign.data.records import (
     Layout,
@@ -121,7 +121,7 @@ def _to_the_end(
     """Estimates of a record that ends with its rows; late: of rows that may come late."""
     if late is None:
         return estimates_of(parts.observer, parts.progress.state, rows, live=live)
-    return then_the_rest(parts, rows, None if only_final else late, live=live)
+    return final_then_provisional(parts, rows, None if only_final else late, live=live)
 
 
 def _ended(progress: Progress, arrivals: Arrivals) -> Progress:

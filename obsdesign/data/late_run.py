@@ -42,7 +42,7 @@ def arrivals_of(
     return Arrivals(buffer, remark, is_stream, watch, is_first)
 
 
-def then_the_rest(
+def final_then_provisional(
     parts: Stream, rows: Iterator[Sample], arrivals: Arrivals | None, *, live: bool
 ) -> Iterator[Estimate]:
     """Estimates of final rows; then of rows that are not, as provisional, where they are given."""

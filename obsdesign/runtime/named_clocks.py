@@ -19,6 +19,7 @@ from obsdesign.equations.clocks import EventGains, SensorGains
 from obsdesign.runtime.base import Sample, vector
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.jump import no_jumps
+from obsdesign.runtime.status import MISSING_SAMPLE
 from obsdesign.runtime.time_stamps import time_tolerance
 
 # where no time between two events is stated
@@ -72,9 +73,12 @@ class NamedClocks:
         return own
 
     def after(
-        self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int]
+        self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int], *, started: bool = True
     ) -> tuple[Kept, list[str]]:
-        """Clocks after a row of measurements and events, and sentences on those not kept."""
+        """Clocks after a row of measurements and events, and sentences on those not kept.
+
+        started: was there a row before?
+        """
         sentences, guards = list[str](), list[DwellGuard]()
         for k, guard in enumerate(kept.guards):
             following, violation = guard.after(t, k in events)
@@ -108,7 +112,7 @@ class NamedClocks:
         for sensor, last, own in zip(self.sensors, kept.sampled, values, strict=True):
             has_all, apart = bool(np.isfinite(own).all()), t - last
             if (sensor.gap == 0.0 or sensor.event in happened) and not has_all:
-                yield f"{sensor.name}: missing sample"
+                yield f"{sensor.name}: {MISSING_SAMPLE}"
             elif sensor.gap > 0.0 and apart > sensor.gap + time_tolerance(apart, t):
                 yield (
                     f"{sensor.name}: time {apart:.9g} since the last sample, above {sensor.gap:.9g}"

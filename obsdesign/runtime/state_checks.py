@@ -114,7 +114,7 @@ def require_finite(name: str, array: np.ndarray[Value, Value], marks: Sequence[s
         raise wrong(name, text, repr(float(array[~allowed][0])))
 
 
-def check_course(name: str, kind: Value, items: Sequence[Value]) -> None:
+def check_times_of_list(name: str, kind: Value, items: Sequence[Value]) -> None:
     """Raise TypeError unless times of the entries of a list are in order, and steps lie between."""
     path, steps = _time_of(kind), _marked(kind, STEP)
     if not path:

@@ -8,6 +8,9 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 
+# of a row without a sample that was due
+MISSING_SAMPLE = "missing sample"
+
 
 def status_of(reasons: Sequence[str], *values: Matrix) -> str:
     """`ok`, or the reasons why not; an estimate that is not finite is one."""

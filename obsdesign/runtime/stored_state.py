@@ -26,7 +26,7 @@ from obsdesign.input_files import parse_json, require_depth
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.finite_time.tape import Tape
 from obsdesign.runtime.progress import Progress
-from obsdesign.runtime.state_checks import StateEntries, check_course, wrong
+from obsdesign.runtime.state_checks import StateEntries, check_times_of_list, wrong
 
 FORMAT = "obsdesign/state"
 VERSION = 6
@@ -210,7 +210,7 @@ class _Reader:
         pairs = enumerate(zip(args, value, strict=True))
         items = tuple(self.entry(hint, item, f"{name}[{i}]") for i, (hint, item) in pairs)
         if args and _fields(args[0]) is not None:
-            check_course(name, args[0], items)
+            check_times_of_list(name, args[0], items)
         return items
 
     def _array(self, args: tuple[Any, ...], value: Value, name: str) -> Value:

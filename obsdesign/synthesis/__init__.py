@@ -1,1 +1,1 @@
-"""Choosing what the user left open, one file per kind. Nothing here is believed later."""
+"""Choosing what the user left open, one file per kind. Verification checks all of it."""

@@ -45,22 +45,23 @@ _NARROW, _ZERO = 2.0**-60, 2.0**-110
 
 
 def riccati_gain(
-    A: Matrix, C: Matrix, weights: Mapping[str, Sequence[float]] | None = None, rate: float = 0.0
-) -> Matrix:
+    A: Matrix, C: Matrix, weights: Mapping[str, Sequence[float]] | None = None, rate: float = 0.0,
+    *, pace: float = 1.0,
+) -> Matrix:  # fmt: skip
     """Steady-state Kalman gain, (n, p), of A + rate I.
 
     weights: {"state": n, "output": p} positive variances of process and measurement noise; by
-    default ones, in `BalancedPlant`. Unobservable modes that do not decay at `rate` are left as
-    they are; all others of A - L C then decay faster than `rate`. numpy.linalg.LinAlgError if the
-    equation has no finite solution in floats.
+    default ones, in `BalancedPlant`; pace: then of an A without cycles. Unobservable modes that do
+    not decay at `rate` are left as they are; all others of A - L C then decay faster than `rate`.
+    numpy.linalg.LinAlgError if the equation has no finite solution in floats.
     """
     n, p = len(A), len(C)
     if not weights:
-        plant = BalancedPlant.from_matrices(A, C)
-        pace = 1.0 + rate / plant.pace
+        plant = BalancedPlant.from_matrices(A, C, rate=pace)
+        faster = 1.0 + rate / plant.pace
         one = {"state": [1.0] * n, "output": [1.0] * p}
-        L = riccati_gain(plant.A / pace, plant.C, one, rate / plant.pace / pace)
-        return plant.flow_gain(pace * L)
+        L = riccati_gain(plant.A / faster, plant.C, one, rate / plant.pace / faster)
+        return plant.flow_gain(faster * L)
     state = np.array(weights.get("state", [1.0] * n))
     deviations = np.sqrt(np.array(weights.get("output", [1.0] * p)))
     shifted = A + riccati_shift(A, C, rate) * np.eye(n)

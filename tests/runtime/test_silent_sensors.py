@@ -86,6 +86,22 @@ def test_the_state_never_leaves(kind: str, disturbance: str) -> None:
                 assert (x <= one.upper).all()
 
 
+def test_silence_narrows_an_unknown_input_too() -> None:
+    body = copy.deepcopy(SPRING)
+    body["flow"] |= {"D": [[0], [1]], "d_bounds": {"lower": [0], "upper": [2], "rate": [0.1]}}
+    run, listed = record(1, body), []
+    for plain in (False, True):
+        design = design_of("set_membership", without_change(body) if plain else body)
+        listed.append(estimates(design, samples_of(run)))
+        for one, x in zip(listed[-1], run.block("x"), strict=True):
+            assert one.status == "ok"
+            assert (one.lower <= x).all()
+            assert (x <= one.upper).all()
+    assert widths(listed[0]).mean() < 0.9 * widths(listed[1]).mean()
+    own, plain_widths = (np.array([np.diff(x.d_bounds, axis=0) for x in each]) for each in listed)
+    assert own.mean() < plain_widths.mean()
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_silence_narrows(kind: str) -> None:
     rows = samples_of(record(1))

@@ -118,3 +118,47 @@ def test_the_balanced_plant_is_the_same_in_all_units(seed: int, n: int) -> None:
         (plant["A"] - one.flow_gain(L) @ plant["C"]) * D[:, None] / D, rtol=1e-8, atol=1e-9 * D.max() / D.min())  # fmt: skip
     sizes, _ = balancing_units(plant["A"], plant["C"], np.zeros((n, 0)))
     assert np.array_equal(sizes, np.exp2(np.round(np.log2(sizes))))
+
+
+CHAIN = {"A": [[0, 1], [0, 0]], "C": [[1, 0]], "G": [[1, 0], [0.3, 0.5]]}
+# flows without cycles, and as a twin one with a pace of its own
+FLOWS: dict[str, dict[str, Any]] = {
+    "chain": CHAIN,
+    "no flow": {"A": [[0]], "C": [[1]], "G": [[1.5]]},
+    "chain, constrained": CHAIN | {"structure": {"L": [[1], [1]]}, "region": {"sector": 0.6}},
+    "cycles": CHAIN | {"A": [[-1, 1], [0, -2]]},
+}
+
+
+@pytest.mark.parametrize("name", FLOWS)
+@pytest.mark.parametrize("unit", [3600.0, 2.0**-20])
+def test_gains_of_a_flow_do_not_depend_on_the_unit_of_time(name: str, unit: float) -> None:
+    plant = dict(FLOWS[name])
+    A, C, G = (np.array(plant.pop(key), dtype=float) for key in "ACG")
+
+    def gains(unit: float) -> tuple[np.ndarray, np.ndarray]:
+        made = obsdesign.design(obsdesign.Problem(
+            flow={"A": A * unit}, jump={"G": G, "dwell_time": [0.5 / unit, 2 / unit]},
+            output={"C": C}, observer={"kind": "luenberger", **plant},
+        ))  # fmt: skip
+        return np.array(made.gains["L"]) / unit, np.array(made.gains["M"])
+
+    for one, other in zip(gains(1.0), gains(unit), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("unit", [3600.0, 2.0**-20])
+def test_gains_of_modes_do_not_depend_on_the_unit_of_time(unit: float) -> None:
+    """A position and its velocity, which is lost at times: the chain keeps time by its stays."""
+    gains = []
+    for one in (1.0, unit):
+        modes = [
+            {"name": name, "A": (one * np.array(A)).tolist(), "every": [1 / one, 3 / one]}
+            for name, A in (("drive", [[0, 1], [0, 0]]), ("brake", [[0, 1], [0, -1]]))
+        ]
+        made = obsdesign.design(obsdesign.Problem(
+            flow={"A": (0.0 * np.eye(2)).tolist()}, output={"C": [[1, 0]]}, mode=modes,
+            observer={"kind": "luenberger"},
+        ))  # fmt: skip
+        gains.append([np.array(mode["L"]) / one for mode in made.gains["modes"]])
+    np.testing.assert_allclose(gains[0], gains[1], rtol=1e-9)

@@ -37,7 +37,7 @@ from obsdesign.runtime.finite_time.window import (
     sampled,
 )
 from obsdesign.runtime.point_observer import SteppedObserver
-from obsdesign.runtime.status import status_of
+from obsdesign.runtime.status import MISSING_SAMPLE, status_of
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         reasons = [irregular] if irregular else []
         full = state.filling.full
         if not full:
-            reasons.append("window not full" if full is None else "missing sample")
+            reasons.append("window not full" if full is None else MISSING_SAMPLE)
         if not self.constants.has_bounds:
             return Estimate(state.t, x=state.x, status=status_of(reasons, state.x))
         low, high = outward_ends(state.bounds.centre, state.bounds.radius)

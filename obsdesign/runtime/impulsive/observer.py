@@ -32,7 +32,7 @@ from obsdesign.runtime.impulsive.window import Element, SlidingWindow
 from obsdesign.runtime.jump import corrected_jump
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, States
-from obsdesign.runtime.status import status_of
+from obsdesign.runtime.status import MISSING_SAMPLE, status_of
 from obsdesign.runtime.step_cache import cached_step
 
 # condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
@@ -110,7 +110,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             if state.uncertified:
                 objections.append("window spans what is not certified")
             if y is None:
-                objections.append("missing sample")
+                objections.append(MISSING_SAMPLE)
             L, warning = self._gain(following)
             objections += [warning] if warning and y is not None else []
             x = corrected_jump(self.gains, x, sample.w, y, None if L is None else -L)

@@ -10,10 +10,10 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.state_marks import Axes
-from obsdesign.runtime.status import with_reasons
+from obsdesign.runtime.status import MISSING_SAMPLE, with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
 
-MISSING, OPEN = "missing sample", "unresolved"  # of a row
+OPEN = "unresolved"  # of a row
 MISFIT = "does not fit one impulse in the window"
 
 
@@ -60,7 +60,7 @@ def missing_sample(period: float | None, first: float, t: float) -> tuple[str, .
         apart = abs(t - first - round((t - first) / period) * period)
         if apart > time_tolerance(t - first, t):
             return ()
-    return (MISSING,)
+    return (MISSING_SAMPLE,)
 
 
 def with_event(rows: list[Estimate], event: Event) -> list[Estimate]:

@@ -13,10 +13,8 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.interval.state import IntervalState
+from obsdesign.runtime.status import MISSING_SAMPLE
 from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance, time_tolerances
-
-# status of a row without a sample that was due
-MISSING = "missing sample"
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ class SampleClock:
         if self.period is None:
             return self._continuous(state, sample, y, t)
         if y is None and not sample.jump:
-            return [MISSING]
+            return [MISSING_SAMPLE]
         if state.started and self._is_late(state, t):
             if state.sampled != state.phase == state.phase:  # others came, off the period
                 after = f"{self.period:.9g} after the one at {state.phase:.9g}"
@@ -121,7 +119,7 @@ class SampleClock:
         self, state: IntervalState, sample: Sample, y: Matrix | None, t: float
     ) -> list[str]:
         needed = y is None and not (sample.jump and self.skips_jumps)
-        sentences = [MISSING] if needed else []
+        sentences = [MISSING_SAMPLE] if needed else []
         step = t - state.t
         without_sample = state.y is None and y is None and not needed and step > 0
         if state.started and without_sample and self.corrects:

@@ -2,8 +2,8 @@
 
 The box lives in the plant's own coordinates. A step multiplies its radius by e^{W h}, W = Mz(A),
 the comparison system of which the widths are claimed: two steps are then one step of their sum, so
-that a row that says nothing costs nothing but rounding, and of two records the one with more
-samples has the smaller boxes. Bounds of b and v are inputs of the kernels: rows may narrow them.
+that a row without measurements adds rounding alone, and of two records the one with more samples
+has the smaller boxes. Bounds of b and v are inputs of the kernels: rows may narrow them.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class ClockKernels:
         Phi, known = driven(model.A, model.inputs, h, error)
         growth, added = driven(exactly(model.width), exactly(np.eye(n)), h, error)
         R, spread = (np.maximum(X.upper, 0.0) for X in (growth, added))
-        X = _beside(Phi, known, _error(spread), _zeros(n, 1))
+        X = _hstack(Phi, known, _error(spread), _zeros(n, 1))
         return kernel(model, BoxMap(X, R, np.zeros(n)), np.zeros((0, n)), Cuts())
 
     def _of_sample(self, own: slice, there: Matrix) -> Kernel:
@@ -103,13 +103,13 @@ class ClockKernels:
         G, known = exactly(own.G), exactly(E)
         model = replace(self._model, C=exactly(gains.C), V=np.zeros(p), y_mid=np.zeros(p))
         ends = exactly(c_mid[:, None])
-        X = _beside(G, _zeros(n, 2 * p), known, _zeros(n, p), ends)
+        X = _hstack(G, _zeros(n, 2 * p), known, _zeros(n, p), ends)
         plain = BoxMap(X, size(G), c_rad)
         if not corrected:
             return kernel(model, plain, gains.C, Cuts())
         M = exactly(gains.event_gains[event])
         H = G - M @ exactly(gains.C)
-        X = _beside(H, _zeros(n, p), M, known, _error(size(M)), ends)
+        X = _hstack(H, _zeros(n, p), M, known, _error(size(M)), ends)
         return kernel(model, plain, gains.C, Cuts([BoxMap(X, size(H), c_rad)]))
 
 
@@ -117,11 +117,11 @@ def _corrected(L: Matrix, C: Matrix) -> BoxMap:
     """x+ = x + L (y - C x), the radii of the noise as inputs."""
     n, p = L.shape
     K = exactly(np.eye(n)) - exactly(L) @ exactly(C)
-    X = _beside(K, _zeros(n, p), exactly(L), _error(size(exactly(L))), _zeros(n, 1))
+    X = _hstack(K, _zeros(n, p), exactly(L), _error(size(exactly(L))), _zeros(n, 1))
     return BoxMap(X, size(K), np.zeros(n))
 
 
-def _beside(*blocks: Enclosure) -> Enclosure:
+def _hstack(*blocks: Enclosure) -> Enclosure:
     return Enclosure(np.hstack([b.mid for b in blocks]), np.hstack([b.rad for b in blocks]))
 
 

@@ -15,10 +15,10 @@ from obsdesign.equations.modes import SwitchedGains
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.boxes import JUMP
 from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.interval.clock import MISSING
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.modes import Entry, SwitchedObserver, SwitchedState
+from obsdesign.runtime.status import MISSING_SAMPLE
 
 
 class SwitchedInterval(SwitchedState[IntervalState]):
@@ -76,6 +76,6 @@ class SwitchedIntervalObserver(SwitchedObserver[IntervalState, IntervalGains]):
         held = inner._replace(started=False, guard=guard)
         inner, jumped = self.observers[after].step(held, Sample(estimate.t, jump=True))
         # nothing is measured between the row's sample and the new mode: none is missing
-        known = {JUMP, MISSING, *(text for _, text in estimate.events)}
+        known = {JUMP, MISSING_SAMPLE, *(text for _, text in estimate.events)}
         faults = [str(text) for _, text in jumped.events if text not in known]
         return Entry(inner._replace(guard=guard), jumped, faults)

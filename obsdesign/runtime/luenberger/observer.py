@@ -26,7 +26,7 @@ from obsdesign.runtime.flow_response import Maps, responses
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Outputs, States
-from obsdesign.runtime.status import status_of
+from obsdesign.runtime.status import MISSING_SAMPLE, status_of
 from obsdesign.runtime.step_cache import cached_step
 
 
@@ -81,7 +81,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         # without L, samples between jumps are of no use and none is missed
         is_expected = when != "none" if sample.jump else np.any(self.gains.L)
         if y is None and is_expected:
-            objections.append("missing sample")
+            objections.append(MISSING_SAMPLE)
         usable = y
         if sample.jump:
             if self.gains.G is None:

@@ -11,60 +11,36 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.runtime.base import Sample
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.named_clocks import Kept, NamedClocks
+from obsdesign.runtime.silent_sensors import SilentSensors
+from obsdesign.runtime.status import MISSING_SAMPLE
 from obsdesign.runtime.time_stamps import time_tolerance
+
+# time, measurements and events of a row
+Measurements = tuple[float, Matrix | None, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
-class Clocks:
-    """The clocks of a design."""
+class OneClock(NamedClocks):
+    """The clocks of a plant with one jump and one output, which messages do not name."""
 
     gains: SetMembershipGains
 
     def begin(self, t: float) -> Kept:
-        """No event so far; the time since the last sample counts from t on."""
-        if self.gains.sensors:
-            return self._named.begin(t)
+        """No jump so far; the time since the last sample counts from t on."""
         return Kept((DwellGuard.from_gains(self.gains),), (t,))
 
-    def events(self, sample: Sample) -> tuple[int, ...]:
-        """Places of the events of a row; ValueError unless the plant has them."""
-        return self._named.places(sample)
-
-    def inputs(self, sample: Sample, event: int) -> Matrix:
-        """Known inputs w of an event, which stand behind those of the events before it."""
-        return self._named.inputs(sample, event)
-
-    def part(self, y: Matrix | None, when: str) -> Matrix | None:
-        """The measurements that saw the state before or after the events of a row, else NaN."""
-        if y is None:
-            return None
-        own = np.where(self.sees == when, y, np.nan)
-        return own if np.isfinite(own).any() else None
-
     def after(
-        self, kept: Kept, t: float, row: tuple[Matrix | None, tuple[int, ...]], started: bool
+        self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int], *, started: bool = True
     ) -> tuple[Kept, list[str]]:
-        """Clocks after a row of measurements and events, and sentences on those not kept."""
-        y, events = row
-        if self.gains.sensors:
-            return self._named.after(kept, t, y, events)
+        """Clocks after a row of measurements and jumps, and sentences on those not kept."""
         guard, violation = kept.guards[0].after(t, 0 in events)
+        (sampled,) = kept.sampled
         sentences = [] if violation is None else [violation]
-        sentences += self._samples_not_kept(kept.sampled[0], t, y, started, bool(events))
-        if events and self._hides_sample(kept.sampled[0], t):
-            return Kept((guard,), (t,)), sentences
-        return Kept((guard,), self._sampled_at(kept.sampled, t, y)), sentences
-
-    def _sampled_at(
-        self, sampled: Sequence[float], t: float, y: Matrix | None
-    ) -> tuple[float, ...]:  # fmt: skip
-        """Times of the last samples after measurements y of time t."""
-        if self.gains.sensors:
-            return self._named.sampled_at(sampled, t, y)
-        return tuple(sampled) if y is None else (t,)
+        sentences += self._samples_not_kept(sampled, t, y, started, bool(events))
+        counts = y is not None or (bool(events) and self._hides_sample(sampled, t))
+        return Kept((guard,), (t if counts else sampled,)), sentences
 
     def _hides_sample(self, sampled: float, t: float) -> bool:
         """Does a jump at t hide the sample that was due there? It then counts as taken."""
@@ -93,16 +69,83 @@ class Clocks:
         absent = [] if y is None else [f"y{i + 1}" for i in np.flatnonzero(np.isnan(y))]
         if is_due and (y is None or absent):
             which = f" of {' '.join(absent)}" if absent else ""
-            sentences.insert(0, f"missing sample{which}")
+            sentences.insert(0, f"{MISSING_SAMPLE}{which}")
         return sentences
 
     @cached_property
     def sees(self) -> NDArray[np.str_]:
-        """What each output sees at an event (p,)."""
-        if not self.gains.sensors:
-            return np.full(self.gains.p, self.gains.jump_measurement)
-        return self._named.sees
+        """What each output sees at a jump (p,)."""
+        return np.full(self.gains.p, self.gains.jump_measurement)
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """The clocks of a design, and measurements of states that have none.
+
+    further: number of outputs behind those of the design, measured in every row before its events.
+    """
+
+    gains: SetMembershipGains
+    further: int = 0
 
     @cached_property
-    def _named(self) -> NamedClocks:
-        return NamedClocks(self.gains.every_event, self.gains.sensors)
+    def named(self) -> NamedClocks:
+        """The clocks of the design."""
+        gains = self.gains
+        if gains.sensors:
+            return NamedClocks(gains.every_event, gains.sensors)
+        return OneClock(gains.every_event, (), gains)
+
+    @property
+    def may_repeat(self) -> bool:
+        """May rows share a time?"""
+        return bool(self.gains.sensors)
+
+    def part(self, y: Matrix | None, when: str) -> Matrix | None:
+        """The measurements that saw the state before or after the events of a row, else NaN."""
+        if y is None:
+            return None
+        own = np.where(self._sees == when, y, np.nan)
+        return own if np.isfinite(own).any() else None
+
+    def after(
+        self, kept: Kept, t: float, row: tuple[Matrix | None, tuple[int, ...]], started: bool
+    ) -> tuple[Kept, list[str]]:
+        """Clocks after a row of measurements and events, and sentences on those not kept."""
+        y, events = row
+        y = None if y is None else y[: self.gains.p]
+        measured = y is not None and bool(np.isfinite(y).any())
+        return self.named.after(kept, t, y if measured else None, events, started=started)
+
+    def sent(self, before: Matrix, y: Matrix | None) -> Matrix:
+        """Values that sensors on change sent last, after a row; see `SilentSensors.sent`."""
+        return self._silent.sent(before, None if y is None else y[: self.gains.p])
+
+    def unsent(
+        self,
+        sent: Matrix,
+        sampled: Sequence[float],
+        row: Measurements,
+    ) -> tuple[Matrix, Matrix] | None:
+        """Readings of silent sensors before the events of a row, and how far each may be off.
+
+        NaN where nothing is known; None where no sensor sends on change.
+        """
+        if not self._silent.any:
+            return None
+        t, y, events = row
+        own = None if y is None else y[: self.gains.p]
+        known = self._silent.readings(sent, sampled, t, own)
+        if events:
+            known = np.where(self.named.sees == "after", np.nan, known)
+        nothing = np.zeros(self.further)
+        return np.append(known, nothing + np.nan), np.append(self._silent.change, nothing)
+
+    @cached_property
+    def _silent(self) -> SilentSensors:
+        return SilentSensors(self.gains.sensors)
+
+    @cached_property
+    def _sees(self) -> NDArray[np.str_]:
+        """What each output sees at an event."""
+        return np.append(self.named.sees, ["before"] * self.further)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.column_names import numbered, pairs
-from obsdesign.equations.clocks import EventGains, SensorGains
+from obsdesign.equations.clocks import EventGains
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.equations.set_membership.gains import IRREGULAR, SetMembershipGains
 from obsdesign.runtime.base import Estimate, Sample, vector
@@ -25,6 +25,7 @@ from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, Pair
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import initial_bounds
 from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.set_membership.clocks import Clocks
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.state import SetMembershipState
 
@@ -139,13 +140,24 @@ class InputBoundsObserver(BoundsObserver[SetMembershipState]):
 
     @cached_property
     def _inner(self) -> SetMembershipObserver:
-        return SetMembershipObserver(_with_input(self.gains, *self._input))
+        return _StateAndInput(_with_input(self.gains, *self._input), self.gains)
+
+
+@dataclass(frozen=True)
+class _StateAndInput(SetMembershipObserver):
+    """The multiplier observer of (x, d); declared: gains of the design, with its clocks."""
+
+    declared: SetMembershipGains
+
+    @cached_property
+    def _clocks(self) -> Clocks:
+        return Clocks(self.declared, further=self.gains.p - self.declared.p)
 
 
 def _with_input(
     gains: SetMembershipGains, D: Matrix, lower: Matrix, upper: Matrix, rate: Matrix
 ) -> SetMembershipGains:
-    """Gains for (x, d): sensor d reads 0 = d + v, with v between -upper and -lower."""
+    """Gains for (x, d): the last outputs read 0 = d + v, with v between -upper and -lower."""
     (n, q), p = D.shape, gains.p
     below = np.zeros((q, n))
     Bw, least, most = gains.declared_disturbance
@@ -154,7 +166,7 @@ def _with_input(
     directions = gains.directions
     return replace(
         gains, A=np.block([[gains.A, D], [below, np.zeros((q, q))]]), C=_diagonal(gains.C, q),
-        B=None if gains.B is None else _over(gains.B, q),
+        B=None if gains.B is None else _zeros_below(gains.B, q),
         noise_bound=np.concatenate([gains.noise_bound, radius]),
         noise_centre=np.concatenate([own, np.zeros(q) if centre is None else centre]),
         flow_lower=np.concatenate([gains.flow_lower, -rate]),
@@ -162,8 +174,8 @@ def _with_input(
         disturbance_matrix=_diagonal(Bw, q),
         disturbance_lower=np.concatenate([least, -rate]),
         disturbance_upper=np.concatenate([most, rate]),
-        events=tuple(_over_event(event, q) for event in gains.every_event),
-        sensors=(*_sensors(gains), SensorGains(name="d", outputs=q, sees="before", gap=0.0)),
+        events=tuple(_event_with_input(event, q) for event in gains.every_event),
+        sensors=(),
         directions=None if directions is None else np.pad(directions, ((0, 0), (0, q))),
         measured=IRREGULAR, period=None, jump_measurement="before", dwell_time=None,
         dwell_jitter=None, G=None, E=None, jump_lower=None, jump_upper=None,
@@ -172,30 +184,17 @@ def _with_input(
     )  # fmt: skip
 
 
-def _sensors(gains: SetMembershipGains) -> Sequence[SensorGains]:
-    """The sensors; the one output of a plant with one clock as one."""
-    if gains.sensors:
-        return gains.sensors
-    gap = {"continuous": 0.0, "periodic": gains.period or 0.0}.get(gains.measured, math.inf)
-    event = "jump" if gains.measured == "at_jumps" else None
-    return [
-        SensorGains(
-            name="output", outputs=gains.p, sees=gains.jump_measurement, gap=gap, event=event
-        )
-    ]
-
-
-def _over_event(event: EventGains, q: int) -> EventGains:
+def _event_with_input(event: EventGains, q: int) -> EventGains:
     """The same event for (x, d): d does not jump."""
     columns, _, _ = event.disturbance
     return replace(
-        event, G=_diagonal(event.G, q), E=None if event.E is None else _over(event.E, q),
-        disturbance_matrix=_over(columns, q),
+        event, G=_diagonal(event.G, q), E=None if event.E is None else _zeros_below(event.E, q),
+        disturbance_matrix=_zeros_below(columns, q),
     )  # fmt: skip
 
 
-def _over(columns: Matrix, q: int) -> Matrix:
-    """Columns that act on x alone."""
+def _zeros_below(columns: Matrix, q: int) -> Matrix:
+    """The columns of x, which do not act on d."""
     return np.pad(columns, ((0, q), (0, 0)))
 
 

@@ -25,7 +25,7 @@ from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.named_clocks import Kept
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
-from obsdesign.runtime.set_membership.clocks import Clocks
+from obsdesign.runtime.set_membership.clocks import Clocks, Measurements
 from obsdesign.runtime.set_membership.model import (
     Disturbance,
     Model,
@@ -37,11 +37,7 @@ from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
-from obsdesign.runtime.silent_sensors import SilentSensors
 from obsdesign.runtime.status import with_reasons
-
-# time, measurements and events of a row
-_Measurements = tuple[float, Matrix | None, tuple[int, ...]]
 
 
 class _Row(NamedTuple):
@@ -67,7 +63,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     @property
     def guards(self) -> tuple[DwellGuard, ...]:
         """A guard for every event of the design."""
-        return self._clocks.begin(0.0).guards
+        return self._clocks.named.begin(0.0).guards
 
     @property
     def capacities(self) -> dict[str, int]:
@@ -106,11 +102,11 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> SetMembershipState:
         """State at time t from bounds of x(t); ValueError unless they are finite and in order."""
         now, box, flow = instant(t), self._box(lower, upper), self._model.flow
-        guards, sampled = self._clocks.begin(now)
+        guards, sampled = self._clocks.named.begin(now)
         return SetMembershipState(
             now, box, box, (), np.zeros(int(self.reads["u"])),
             np.stack([flow.lower, flow.upper]), guards, False, sampled,
-            np.full(self.gains.p, np.nan),
+            np.full(self._clocks.gains.p, np.nan),
         )  # fmt: skip
 
     def reset(
@@ -131,8 +127,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         NaN in y marks an output that is missing. ValueError if time does not increase (the first
         sample may share the initial time).
         """
-        t = later(sample.t, state.t, state.started, may_repeat=bool(self.gains.sensors))
-        y, events = self._measured(sample.y), self._clocks.events(sample)
+        t = later(sample.t, state.t, state.started, may_repeat=self._clocks.may_repeat)
+        y, events = self._measured(sample.y), self._clocks.named.places(sample)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         kept, not_kept = self._clocks.after(
             Kept(state.guards, state.sampled), t, (y, events), state.started
@@ -142,7 +138,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         reasons = [*([] if row.fault is None else [row.fault]), *not_kept]
         following = state._replace(
             t=t, u=u, held=self._held(sample.bounds or Bounds()), guards=kept.guards, started=True,
-            sampled=kept.sampled, sent=self._silent.sent(state.sent, y),
+            sampled=kept.sampled, sent=self._clocks.sent(state.sent, y),
         )  # fmt: skip
         names = [self.gains.every_event[k].name for k in events]
         return self._concluded(following, row, reasons, names)
@@ -178,7 +174,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         self,
         state: SetMembershipState,
         sample: Sample,
-        row: _Measurements,
+        row: Measurements,
         *,
         in_time: bool,
     ) -> _Row:
@@ -187,8 +183,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         tape = Tape(state.start, state.stages, state.box)
         used = self._clocks.part(y, "before") if events else y
         stages = [self._flow_stage(state, sample, t, used)]
-        if self._silent.any:
-            stages[0] = self._with_unsent(stages[0], state, row)
+        if (unsent := self._clocks.unsent(state.sent, state.sampled, row)) is not None:
+            stages[0] = self._with_unsent(stages[0], *unsent)
         stages += [self._jump_stage(sample, t, event) for event in events]
         if events:
             strip = self._strip(sample, self._clocks.part(y, "after"))
@@ -230,13 +226,9 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             False,
         ).driven(table)  # fmt: skip
 
-    def _with_unsent(self, stage: Stage, state: SetMembershipState, row: _Measurements) -> Stage:
-        """The stage before events, with strips of sensors that send on change and are silent."""
-        t, y, events = row
-        known = self._silent.readings(state.sent, state.sampled, t, y)
-        if events:
-            known = np.where(self._clocks.sees == "after", np.nan, known)
-        bounds, change = self.declared_bounds.v, self._silent.change
+    def _with_unsent(self, stage: Stage, known: Matrix, change: Matrix) -> Stage:
+        """The stage before events, with strips of readings that are known to within a change."""
+        bounds = self.declared_bounds.v
         lower = np.nextafter(bounds.lower - change, -np.inf)
         strip = sampled_strip(known, lower, np.nextafter(bounds.upper + change, np.inf))
         if stage.strip is not None:
@@ -246,7 +238,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     def _jump_stage(self, sample: Sample, t: float, event: int) -> Stage:
         """The stage of an event, without a measurement after it."""
         table, jump = self._tables.jumps[event], self._model.jumps[event]
-        w, declared = self._clocks.inputs(sample, event), self.declared_bounds.c
+        w, declared = self._clocks.named.inputs(sample, event), self.declared_bounds.c
         pair = None if sample.bounds is None else sample.bounds.c
         held = np.stack([jump.c.lower, jump.c.upper])
         if declared is not None:
@@ -298,10 +290,6 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     @cached_property
     def _clocks(self) -> Clocks:
         return Clocks(self.gains)
-
-    @cached_property
-    def _silent(self) -> SilentSensors:
-        return SilentSensors(self.gains.sensors)
 
     @cached_property
     def _tables(self) -> Tables:

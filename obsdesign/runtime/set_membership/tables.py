@@ -108,10 +108,10 @@ class Tables:
 
     def _built(self, h: float, error: float) -> Table:
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
-            return self._still if h == 0.0 else self._flow(h, error)
+            return self._zero_step if h == 0.0 else self._flow(h, error)
 
     @cached_property
-    def _still(self) -> Table:
+    def _zero_step(self) -> Table:
         """The table of a step of length zero."""
         model, width = self._model, self._model.width
         n, k = model.n, model.inputs.shape[1] + model.flow.matrix.shape[1]

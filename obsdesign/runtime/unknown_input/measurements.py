@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.unknown_input.smoothing import smoothed
 from obsdesign.runtime.base import Sample, optional_measurement
+from obsdesign.runtime.status import MISSING_SAMPLE
 
 # of measurements: differences and products of larger ones overflow
 _LARGEST = 1e150
@@ -19,7 +20,7 @@ def usable(y: ArrayLike | None, size: int) -> tuple[Matrix | None, str]:
     """(the measurement or None, why it is not used)."""
     measurement = optional_measurement(y, size)
     if measurement is None:
-        return None, "missing sample"
+        return None, MISSING_SAMPLE
     if not np.abs(measurement).max() < _LARGEST:
         return None, f"measurement beyond {_LARGEST:g}"
     return measurement, ""

@@ -15,6 +15,7 @@ from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.time_scale import event_rate, input_rate
 
 # caps of the gains where none is given, in multiples of the plant's own size: the width goes on
 # shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
@@ -24,7 +25,7 @@ _DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0
 def balanced_units(problem: Problem) -> BalancedPlant:
     """The plant in units in which disturbances and noise are of size one, if there are any."""
     plant = problem.plant
-    rate = _event_rate(problem) or _input_rate(problem) or 1.0
+    rate = event_rate(problem) or input_rate(problem) or 1.0
     units = BalancedPlant.from_plant(plant, rate)
     inputs = [np.subtract(*plant.flow.b_bounds[::-1]) / units.sizes / units.pace]
     if plant.jump is not None:
@@ -38,7 +39,7 @@ def pace_of_search(problem: Problem, units: BalancedPlant) -> float:
 
     The latter is a floor: a flow that does less than this in a dwell time hardly matters.
     """
-    return max(units.pace, _event_rate(problem))
+    return max(units.pace, event_rate(problem))
 
 
 def gain_caps(
@@ -76,24 +77,3 @@ def _caps(
         return np.asarray(limit / pace / reach[:, None] * units.rows)
     size = float(np.abs(units.C).max()) * np.abs(basis / units.sizes[:, None]).sum(axis=1).max()
     return np.full((plant.n, plant.p), largest / max(size, 1e-300))
-
-
-def _event_rate(problem: Problem) -> float:
-    """Of jumps at the longest dwell time, if finite, else the shortest; else of samples; or 0."""
-    plant = problem.plant
-    times = problem.require_dwell_time()[::-1] if plant.jump is not None else ()
-    spans = (*times, plant.output.sample_spacing)
-    span = next((span for span in spans if 0 < span < math.inf), math.inf)
-    return 1.0 / span
-
-
-def _input_rate(problem: Problem) -> float:
-    """Rate at which disturbances alone take y out of its noise, for a flow without cycles; or 0."""
-    plant, noise = problem.plant, problem.require_noise_bound()
-    reached, rates = np.subtract(*plant.flow.b_bounds[::-1]), [0.0]
-    with np.errstate(all="ignore"):
-        for k in range(1, plant.n + 1):
-            ratio = np.abs(plant.output.C) @ reached / noise
-            rates.append(float(ratio[np.isfinite(ratio)].max(initial=0.0)) ** (1 / k))
-            reached = np.abs(plant.flow.A) @ reached
-    return max(rates)

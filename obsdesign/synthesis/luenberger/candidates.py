@@ -45,6 +45,7 @@ from obsdesign.synthesis.luenberger.flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
 from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
+from obsdesign.synthesis.time_scale import pace_without_cycles
 
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
@@ -127,20 +128,24 @@ def _flow_gains(
     if options.poles is not None:
         yield "placed L", placed_gain(A, C, options.poles), ()
         return
-    for label, L in riccati_gains(A, C, options.weights, rate):
+    pace = pace_without_cycles(problem, rate)
+    for label, L in riccati_gains(A, C, options.weights, rate, pace):
         yield label, L, ()
     if not options.weights:
         yield "L = 0", np.zeros((problem.plant.n, problem.plant.p)), ()
 
 
 def riccati_gains(
-    A: Matrix, C: Matrix, weights: Mapping[str, tuple[float, ...]] | None, rate: float
+    A: Matrix, C: Matrix, weights: Mapping[str, tuple[float, ...]] | None, rate: float, pace: float
 ) -> Iterator[tuple[str, Matrix]]:
-    """Yield gains L (n, p) of growing speed, with their labels; InputError: none of weights."""
+    """Yield gains L (n, p) of growing speed, with their labels; InputError: none of weights.
+
+    pace: of an A without cycles.
+    """
     is_known = False
     for factor, faster in zip(FASTER, faster_rates(A, rate), strict=True):
         try:
-            L = riccati_gain(A, C, weights, faster)
+            L = riccati_gain(A, C, weights, faster, pace=pace)
         except np.linalg.LinAlgError:  # no finite solution in floats: not this one
             continue
         is_known = True
@@ -166,16 +171,16 @@ def _wanted_flow_gains(
     zero = np.zeros((plant.n, plant.p))
     is_flow_alone = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
     fastest = max(rate, wanted.stated.decay or 0.0)
-    A, C = plant.flow.A, plant.output.C
-    targets = [*riccati_gains(A, C, None, fastest), ("L = 0", zero)]
+    A, C, pace = plant.flow.A, plant.output.C, pace_without_cycles(problem, rate)
+    targets = [*riccati_gains(A, C, None, fastest, pace), ("L = 0", zero)]
     inactive = tuple[Remark, ...]()
-    for _, free in itertools.islice(riccati_gains(A, C, None, rate), 1):
+    for _, free in itertools.islice(riccati_gains(A, C, None, rate, pace), 1):
         inactive = inactive_constraints(wanted, free, flow_error_matrix(A, free, C))
     is_found = False
     # a flow that decays by itself leaves least to M; between jumps it need not
     for least in [rate, *([] if is_flow_alone else [None])]:
         for label, target in targets[-1:] if is_found else targets:
-            L = nearest_gain(plant, wanted, target, least)
+            L = nearest_gain(plant, wanted, target, least, pace)
             if L is None:  # the conditions are the same for every target
                 break
             yield f"L nearest to {label} under {wanted.text()}", L, () if is_found else inactive

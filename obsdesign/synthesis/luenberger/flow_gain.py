@@ -25,15 +25,16 @@ _MARGIN = 1e-4
 
 
 def nearest_gain(
-    plant: Plant, wanted: ConvexGain, target: Matrix, rate: float | None
+    plant: Plant, wanted: ConvexGain, target: Matrix, rate: float | None, pace: float
 ) -> Matrix | None:
     """L (n, p) that meets the constraints, near the target (n, p); None when none is found.
 
-    rate: A - L C + rate I is made Hurwitz; None where it need not be. The conditions are
+    rate: A - L C + rate I is made Hurwitz; None where it need not be; pace: of an A without cycles.
+    The conditions are
     sufficient, so that there may be such an L where none is found. InputError for constraints that
     are not convex.
     """
-    units = BalancedPlant.from_matrices(plant.flow.A, plant.output.C)
+    units = BalancedPlant.from_matrices(plant.flow.A, plant.output.C, rate=pace)
     n, p = target.shape
     goal = target / units.sizes[:, None] / units.pace * units.rows
     constraints = wanted.constraints(units.sizes, units.pace)

@@ -20,6 +20,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.modes import require_served, stability_certificates
 from obsdesign.synthesis.placement import riccati_gain
+from obsdesign.synthesis.time_scale import pace_of_stays
 
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
@@ -44,7 +45,8 @@ def _candidate(
     for k, own in enumerate(problem.in_modes):
         L = own.gains.get("L")
         if L is None:
-            L = zero if speed is None else _riccati(own, speed, rate)
+            pace = pace_of_stays(plant.modes[k].every)
+            L = zero if speed is None else _riccati(own, speed, rate, pace)
         gains.append(LuenbergerGains.from_plant(plant.in_mode(k, entered=True), L=L, M=zero))
     switched = SwitchedGains(spans_of(plant.modes), tuple(gains))
     certificates = Certificates()
@@ -64,7 +66,7 @@ def _candidate(
     )  # fmt: skip
 
 
-def _riccati(own: Problem, speed: int, rate: float) -> Matrix:
+def _riccati(own: Problem, speed: int, rate: float, pace: float) -> Matrix:
     """A gain of a mode; of the modes of its flow that y sees alone, zero if there is none."""
     A, C = own.plant.flow.A, own.plant.output.C
     shift = max(float(np.linalg.eigvals(A).real.max()), 0.0)
@@ -72,7 +74,7 @@ def _riccati(own: Problem, speed: int, rate: float) -> Matrix:
     for slowed in (0.0, 1.01 * shift + 1e-3 * float(np.abs(A).max())):
         F = A - slowed * np.eye(len(A))
         try:
-            return riccati_gain(F, C, None, faster_rates(A, rate)[speed])
+            return riccati_gain(F, C, None, faster_rates(A, rate)[speed], pace=pace)
         except np.linalg.LinAlgError:
             continue
     return np.zeros((len(A), len(C)))

@@ -75,7 +75,7 @@ def claims(
     """All hypotheses of the design's theorem, each with its verdict.
 
     stored: gains as a design file states them. certificates: {"dwell_stability": {"P": n x n}}
-    where one was found; they are checked, never believed.
+    where one was found; they are checked.
     """
     del budget  # proofs end by their number of boxes
     if not problem.plant.has_one_clock:

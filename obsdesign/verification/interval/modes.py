@@ -53,7 +53,7 @@ def claims(
     """All hypotheses of the design, each with its verdict.
 
     certificates: {"mode_stability": cells with their P, "mode_width": {"entry": ..., "always":
-    ...}}; they are checked, never believed.
+    ...}}; they are checked.
     """
     del budget  # proofs end by their number of boxes
     agreement, gains = consistent_modes(problem, stored, expected_gains, IntervalGains)

@@ -40,7 +40,7 @@ def samples_claim(
 ) -> Claim:
     """Claim for samples as events: bounded width for every sequence of jumps between them.
 
-    proposed: "tube", "sampled", "always" and, with jumps, "jumped"; checked, not believed. "maps":
+    proposed: "tube", "sampled", "always" and, with jumps, "jumped"; checked. "maps":
     `SAMPLED_MAPS`; without it, as in designs of earlier versions, the claim is about the wider
     comparison system.
     """

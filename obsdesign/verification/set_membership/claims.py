@@ -32,7 +32,7 @@ def claims(
     """All claims of the design, each with its verdict; stored: gains as a file states them.
 
     certificates: {"width": {"tube"}, "optimal": {"trajectories"}, "attainable": {"P"}} where they
-    were found; they are checked, never believed.
+    were found; they are checked.
     """
     del budget  # proofs end by their size
     agreement, gains = consistent_gains(
@@ -57,7 +57,7 @@ def without_contradiction(
 ) -> tuple[Claim, ...]:  # fmt: skip
     """Both claims; undecided where a least possible width is above the certified one.
 
-    Both are proved from the file alone: one of the proofs is then wrong, and neither is believed.
+    Both are proved from the file alone: one of the proofs is then wrong.
     """
     claims = (*width, *least)
     if any(claim.verdict != "proved" for claim in claims):

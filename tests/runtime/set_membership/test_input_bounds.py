@@ -332,3 +332,31 @@ def test_bounds_of_a_row_are_of_b_and_v() -> None:
     assert np.diff(narrow.d_bounds, axis=0) < 0.5 * np.diff(wide.d_bounds, axis=0)
     with pytest.raises(ValueError, match="b1_hi must be within"):
         last(body, y=[0.0], bounds=Bounds(b=([0.0], [2.0])))
+
+
+@pytest.mark.parametrize("when", ["none", "before"])
+def test_clocks_are_those_of_the_plant_with_and_without_a_rate(when: str) -> None:
+    """A jump hides the sample that is due there, changes no faster than stated, and so on."""
+    statuses = []
+    for rate in ({}, {"rate": [0.5]}):
+        body = filtered()
+        body["flow"]["d_bounds"] = {"lower": [-4.0], "upper": [6.0], **rate}
+        body["output"] |= {"period": 0.5, "measured": "periodic", "jump_measurement": when}
+        body["jump"] = {"G": [[1.0]], "dwell_time": [0.5, 2.0], "dwell_jitter": 0.25}
+        observer = observer_of(body)
+        state = observer.init(0.0, lower=[-40.0], upper=[40.0])
+        listed = []
+        # (time, is it sampled, does it jump)
+        for t, has_y, jump in (
+            (0.0, True, False), (0.5, when == "before", True), (1.0, True, False),
+            (1.25, False, True), (1.5, True, True), (2.0, False, False), (3.0, True, True),
+        ):  # fmt: skip
+            y = np.array([0.0]) if has_y else None
+            state, estimate = observer.step(state, Sample(t, y, jump=jump))
+            listed.append(estimate.status)
+        statuses.append(listed)
+    assert statuses[0] == statuses[1]
+    assert statuses[0][:3] == ["ok"] * 3
+    assert "dwell time 0.25 below 0.5" in statuses[0][4]
+    assert "missing sample" in statuses[0][5]
+    assert "dwell time changed by" in statuses[0][6]
