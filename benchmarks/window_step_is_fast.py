@@ -16,7 +16,7 @@ from benchmarks.cases import SEEDS, report, seconds
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime import Estimate, Sample
 from obsdesign.runtime.finite_time.observer import FiniteTimeObserver
-from obsdesign.runtime.finite_time.window import FiniteTimeState
+from obsdesign.runtime.finite_time.state import FiniteTimeState
 
 FLOORS = {120: 1.0, 1200: 10.0}
 ROWS, WINDOW = 200, 6.0

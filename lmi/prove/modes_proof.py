@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,27 +76,52 @@ def prove_modes(
     for i, (_, high) in enumerate(modes.stays):
         if math.isinf(high) and (flow := prove_hurwitz(modes.flows[i])).outcome != "proved":
             return undecided(f"mode {modes.names[i]} may last, and is not stable: {flow.reason}")
-    unit, work = exact(np.eye(len(modes.flows[0]))), dict[str, Value]()
-    groups = defaultdict(list)
-    for s, t, i, stay in (edges := cell_edges(modes, cells)):
-        groups[(t, i, *stay)].append(s)
-    for (t, i, low, high), sources in groups.items():
-        j = cells[t].mode
-        left = modes.entry[j] if modes.has_entry_map(j) else None
-        for part in [sources] if method == "bernstein" else [[s] for s in sources]:
-            first, *others = (matrices[s] for s in part)
-            condition = Condition(
-                modes.flows[i], unit, first, matrices[t], low, high, left, gamma, tuple(others)
-            )
-            verdict = prove(condition, method=method, steps=steps)
-            if verdict.outcome != "proved":
-                source = part[verdict.evidence.get("which", 0)]
-                return Verdict("undecided", {**verdict.evidence, "edge": [source, t]})
-            for key in ("boxes", "steps"):
-                if key in verdict.evidence:
-                    work[key] = work.get(key, 0) + verdict.evidence[key]
-            work["method"] = verdict.evidence.get("method", method)
+    work, edges = dict[str, Value](), cell_edges(modes, cells)
+    for group in _edge_groups(edges, is_joint=method == "bernstein"):
+        condition = _condition(modes, cells, matrices, group, gamma)
+        verdict = prove(condition, method=method, steps=steps)
+        if verdict.outcome != "proved":
+            source = group.sources[verdict.evidence.get("which", 0)]
+            return Verdict("undecided", {**verdict.evidence, "edge": [source, group.target]})
+        for key in ("boxes", "steps"):
+            if key in verdict.evidence:
+                work[key] = work.get(key, 0) + verdict.evidence[key]
+        work["method"] = verdict.evidence.get("method", method)
     return proved(cell_count=len(cells), edge_count=len(edges), **work)
+
+
+@dataclass(frozen=True)
+class _EdgeGroup:
+    """Edges from several cells to one, after the same stays in the same mode."""
+
+    sources: Sequence[int]
+    target: int
+    mode: int
+    stay: Stay
+
+
+def _edge_groups(
+    edges: Sequence[tuple[int, int, int, Stay]], *, is_joint: bool
+) -> Iterator[_EdgeGroup]:
+    """Yield edges of one target and stay, all where they are proved jointly, else one by one."""
+    groups = defaultdict(list)
+    for source, target, mode, stay in edges:
+        groups[(target, mode, *stay)].append(source)
+    for (target, mode, low, high), sources in groups.items():
+        for part in [sources] if is_joint else [[source] for source in sources]:
+            yield _EdgeGroup(part, target, mode, (low, high))
+
+
+def _condition(
+    modes: Modes, cells: Sequence[ModeCell], matrices: Matrix, group: _EdgeGroup, gamma: float
+) -> Condition:
+    """(G e^{F theta})' P G e^{F theta} < gamma^2 P for the P of all sources of a group."""
+    j, flow = cells[group.target].mode, modes.flows[group.mode]
+    left = modes.entry[j] if modes.has_entry_map(j) else None
+    first, *others = (matrices[source] for source in group.sources)
+    last = matrices[group.target]
+    unit = exact(np.eye(len(flow)))
+    return Condition(flow, unit, first, last, *group.stay, left, gamma, tuple(others))
 
 
 def read_cells(modes: Modes, certificate: Entries) -> tuple[list[ModeCell], Matrix]:

@@ -10,7 +10,6 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import chain, combinations
 from pathlib import Path
 from typing import TextIO
@@ -77,42 +76,72 @@ def execute(
     """
     signed = load_design(design)
     observer = from_design(signed, design)
-    written = {"--events": events, "--provisional": provisional, "--state": state, "": output}
-    _refuse_targets((design, data), written)
-    _refuse_events(observer, events)
+    targets = {"--events": events, "--provisional": provisional, "--state": state, "": output}
+    _refuse_targets(observer, (design, data), targets)
     stored = None if state is None else stored_progress(state, signed, observer, initial)
-    name, remarks = data or "standard input", list[str]()
-    layout = Layout.from_design(signed, observer)
-    refuse_late_rows(layout, observer, provisional)
-    after = -math.inf if stored is None else stored.t
-    read = partial(read_samples, layout=layout, name=name, after=after)
-    begin = partial(_begun, observer, stored, initial)
-    if data is not None:  # refuse before anything is written
-        with _opened(data) as stream:
-            checked = arrivals_of(layout, stored, discard)
-            samples = read(stream, skip=discard if skip_bad else None, arrivals=checked)
-            deque(begin(samples, checked)[1], maxlen=0)
+    name, remarks, live = data or "standard input", list[str](), data is None
+    record = _Record(Layout.from_design(signed, observer), observer, stored, initial, name)
+    refuse_late_rows(record.layout, observer, provisional)
+    record.check(data, skip_bad=skip_bad)
     with (
         _source(data) as stream, _writer(output) as out, _log(events, observer) as log,
-        provisional_lines(provisional, observer, stored, initial, data is None) as watch,
+        provisional_lines(provisional, observer, stored, initial, live) as watch,
     ):  # fmt: skip
-        arrivals = arrivals_of(layout, stored, remark, is_stream=data is None, watch=watch)
-        samples = read(
-            stream, skip=remark if skip_bad else None, remark=remarks.append, arrivals=arrivals
+        arrivals = arrivals_of(record.layout, stored, remark, is_stream=live, watch=watch)
+        parts, rows = record.begun(
+            stream, arrivals, skip=remark if skip_bad else None, remark=remarks.append
         )
-        progress, rows = begin(samples, arrivals)
-        parts, live = Stream(observer, progress), data is None
-        if state is not None:
-            estimates = parts.estimates(rows, live=live)
-        else:
-            late = arrivals if layout.lag > 0 else None
+        estimates = parts.estimates(rows, live=live)
+        if state is None:
+            late = arrivals if record.layout.lag > 0 else None
             estimates = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
         tally = _write(observer, estimates, out, log, live=live)
-    if state is not None:
-        write_text(state, state_text(signed, _ended(parts.progress, arrivals)))
+    _save(state, signed, parts.progress, arrivals)
     for text in [*_unproved(design, signed), *remarks, *_void(name, tally)]:
         remark(text)
     return tally
+
+
+@dataclass(frozen=True)
+class _Record:
+    """Rows of a record that an observer takes, from the start or from where it stands."""
+
+    layout: Layout
+    observer: Observer
+    stored: Progress | None
+    initial: Sequence[float] | None
+    name: str
+
+    def check(self, data: str | None, *, skip_bad: bool) -> None:
+        """InputError, before anything is written, for a file that is no record; none is a pipe."""
+        if data is None:
+            return
+        with _opened(data) as stream:
+            arrivals = arrivals_of(self.layout, self.stored, discard)
+            skip = discard if skip_bad else None
+            _, rows = self.begun(stream, arrivals, skip=skip, remark=discard)
+            deque(rows, maxlen=0)
+
+    def begun(
+        self, stream: TextIO, arrivals: Arrivals, *, skip: Remark | None, remark: Remark
+    ) -> tuple[Stream, Iterator[Sample]]:
+        """The observer before the first final sample, and all of these.
+
+        InputError if the first one cannot be taken; the state is None where no sample is final yet.
+        """
+        stored, initial = self.stored, self.initial
+        samples = read_samples(
+            stream, self.layout, self.name, after=-math.inf if stored is None else stored.t,
+            remark=remark, skip=skip, arrivals=arrivals,
+        )  # fmt: skip
+        first = next(samples, None)
+        if first is not None:
+            progress = starting_progress(self.observer, stored, first, initial)
+            return Stream(self.observer, progress), chain([first], samples)
+        if stored is None:
+            self.observer.start(arrivals.waiting[0].t, initial)
+            stored = Progress(None, initial=None if initial is None else tuple(initial))
+        return Stream(self.observer, stored), iter(())
 
 
 def _to_the_end(
@@ -124,27 +153,13 @@ def _to_the_end(
     return final_then_provisional(parts, rows, None if only_final else late, live=live)
 
 
-def _ended(progress: Progress, arrivals: Arrivals) -> Progress:
-    """The progress at the end of a part, with the rows that an earlier one may still precede."""
+def _save(path: str | None, design: Design, progress: Progress, arrivals: Arrivals) -> None:
+    """Write a state file: the progress, and the rows that an earlier one may still precede."""
+    if path is None:
+        return
     late = tuple(WaitingRow.from_sample(sample) for sample in arrivals.waiting)
-    return replace(progress, late=late, now=arrivals.buffer.now)
-
-
-def _begun(
-    observer: Observer, stored: Progress | None, initial: Sequence[float] | None,
-    samples: Iterator[Sample], arrivals: Arrivals,
-) -> tuple[Progress, Iterator[Sample]]:  # fmt: skip
-    """The progress before the first final sample, and all of these.
-
-    InputError if the first one cannot be taken; the state is None where no sample is final yet.
-    """
-    first = next(samples, None)
-    if first is not None:
-        return starting_progress(observer, stored, first, initial), chain([first], samples)
-    if stored is None:
-        observer.start(arrivals.waiting[0].t, initial)
-        stored = Progress(None, initial=None if initial is None else tuple(initial))
-    return stored, iter(())
+    ended = replace(progress, late=late, now=arrivals.buffer.now)
+    write_text(path, state_text(design, ended))
 
 
 def _write(
@@ -190,8 +205,10 @@ def _void(name: str, tally: Tally) -> list[str]:
     ]
 
 
-def _refuse_targets(read: tuple[str | None, ...], written: Mapping[str, str | None]) -> None:
-    """InputError if a file to be written is one that is read, or is written twice.
+def _refuse_targets(
+    observer: Observer, read: tuple[str | None, ...], written: Mapping[str, str | None]
+) -> None:
+    """InputError if a file to be written is one that is read, is written twice, or has no rows.
 
     written: by option; the estimate file by "".
     """
@@ -201,6 +218,8 @@ def _refuse_targets(read: tuple[str | None, ...], written: Mapping[str, str | No
         if _same_file(target, second):
             what = "another file of this run" if other else "the estimate file"
             raise InputError(f"{option}: {target} is {what}; give another name.")
+    if written["--events"] is not None and not observer.finds_events:
+        raise InputError(f"--events: kind {observer.kind!r} has none to write.")
 
 
 def _same_file(name: str | None, other: str | None) -> bool:
@@ -209,11 +228,6 @@ def _same_file(name: str | None, other: str | None) -> bool:
         return False
     path = Path(name).resolve()
     return path == Path(other).resolve() and (path.is_file() or not path.exists())
-
-
-def _refuse_events(observer: Observer, events: str | None) -> None:
-    if events is not None and not observer.finds_events:
-        raise InputError(f"--events: kind {observer.kind!r} has none to write.")
 
 
 @contextmanager

@@ -7,7 +7,6 @@ it. An empty bound is the declared one. Every complaint names the file, the line
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Iterator
@@ -21,14 +20,11 @@ from obsdesign.column_names import MODE, RECEIVED, numbered
 from obsdesign.data.arrivals import Arrivals, Remark
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.data.clock_columns import ClockColumns
+from obsdesign.data.csv_lines import cells_of, lines_of
 from obsdesign.data.layout import Layout as Layout
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.time_stamps import time_tolerance
-
-# characters: hundreds of columns of numbers in full
-_LONGEST_LINE = 2**20
-_NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
 
 
 def discard(text: str) -> None:
@@ -54,7 +50,7 @@ def read_samples(
     InputError: no header, missing or doubled columns, text where a number belongs, times that do
     not increase, rows of the wrong length.
     """
-    lines = enumerate(_lines(stream, name), start=1)
+    lines = enumerate(lines_of(stream, name), start=1)
     header = _Header.from_line(next(lines, (1, ""))[1], layout, name)
     if skip is not None and header.bounds is not None:
         header = replace(header, bounds=header.bounds.where_lines_are_skipped(name, remark))
@@ -76,7 +72,7 @@ def _rows(
     for number, line in lines:
         where = f"{header.name} line {number}"
         try:
-            cells = _cells(line, where, header.name)
+            cells = cells_of(line, where, header.name)
             if not cells or all(not cell.strip() for cell in cells):
                 continue
             sample = header.sample(cells, where, previous)
@@ -105,7 +101,7 @@ class _Header:
 
     @classmethod
     def from_line(cls, line: str, layout: Layout, name: str) -> _Header:
-        titles = [title.strip() for title in _cells(line, f"{name} line 1", name)]
+        titles = [title.strip() for title in cells_of(line, f"{name} line 1", name)]
         if not titles:
             raise InputError(
                 f"{name}: a header line with column 't', ... is required; the file is empty."
@@ -179,32 +175,6 @@ class _Header:
             )
 
 
-def _lines(stream: TextIO, name: str) -> Iterator[str]:
-    """The lines of a stream; InputError for one too long to be a row."""
-    try:
-        while line := stream.readline(_LONGEST_LINE + 1):
-            if len(line) > _LONGEST_LINE:
-                raise InputError(
-                    f"{name}: lines of at most {_LONGEST_LINE} characters are required; one is "
-                    "longer. Is it a data file?"
-                )
-            yield line
-    except UnicodeDecodeError:
-        raise InputError(_NOT_TEXT.format(name)) from None
-
-
-def _cells(line: str, where: str, name: str) -> list[str]:
-    """The cells of one line; an InputError is about this line alone."""
-    if not line.isascii() and any("\ud800" <= x <= "\udfff" for x in line):
-        raise InputError(_NOT_TEXT.format(name))  # bytes that a stream handed on as they were
-    if "\0" in line:
-        raise InputError(f"{name}: a text file is required; it holds a zero byte.")
-    try:
-        return next(csv.reader([line], strict=True), [])
-    except csv.Error as error:
-        raise InputError(f"{where}: not valid CSV: {error}.") from None
-
-
 def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
     if header and header[0].startswith("\ufeff"):
         header[0] = header[0].removeprefix("\ufeff")
@@ -273,31 +243,3 @@ def _mode(cells: list[str], places: dict[str, int], layout: Layout, where: str) 
         known = ", ".join(layout.modes)
         raise InputError(f"{where}: mode must be one of {known}, or empty; got {name!r}.")
     return name or None
-
-
-def read_columns(path: str) -> dict[str, list[str]]:
-    """A whole CSV file by column, as text: what a picture is made of.
-
-    InputError when it cannot be read or its rows differ in length.
-    """
-    try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            rows = (
-                (number, _cells(line, f"{path} line {number}", path))
-                for number, line in enumerate(_lines(file, path), start=1)
-            )
-            header = next(rows, (1, []))[1]
-            if not header:
-                raise InputError(f"{path}: a header line is required; the file is empty.")
-            table: dict[str, list[str]] = {title.strip(): [] for title in header}
-            for number, cells in rows:
-                if cells and len(cells) != len(header):
-                    raise InputError(
-                        f"{path} line {number}: {len(header)} values are required, one per "
-                        f"column; got {len(cells)}."
-                    )
-                for title, cell in zip(table, cells, strict=False):
-                    table[title].append(cell.strip())
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
-    return table

@@ -12,9 +12,9 @@ import numpy as np
 
 from lmi.arithmetic.arrays import NewEntries
 from obsdesign import workflow
+from obsdesign.data.csv_lines import read_columns
 from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import Tally, execute
-from obsdesign.data.records import read_columns
 from obsdesign.data.simulation import simulate
 from obsdesign.design_file import load_design
 from obsdesign.document import Design, jsonable

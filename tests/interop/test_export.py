@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 import obsdesign
 from obsdesign import InputError
-from obsdesign.data.records import read_columns
+from obsdesign.data.csv_lines import read_columns
 from obsdesign.data.simulation import simulate
 from obsdesign.interop import control_estimator, save_mat, to_columns, to_frame
 from obsdesign.runtime import Sample, from_design

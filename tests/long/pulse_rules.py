@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 
 import obsdesign
 from lmi.arithmetic.exponential import expm
-from obsdesign.data.records import read_columns
+from obsdesign.data.csv_lines import read_columns
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import JUMP, MODE, TIME
-from obsdesign.data.records import read_columns
+from obsdesign.data.csv_lines import read_columns
 from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.flow_maps import flow_maps
-from obsdesign.runtime.finite_time.window import FiniteTimeState, emptied, flowed, sampled
+from obsdesign.runtime.finite_time.state import FiniteTimeState
+from obsdesign.runtime.finite_time.window import emptied, flowed, sampled
 from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
 
 

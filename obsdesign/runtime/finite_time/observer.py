@@ -26,9 +26,9 @@ from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.runtime.base import MODERATE, Estimate, Sample, instant, later, vector
 from obsdesign.runtime.finite_time.clock import anchored, at_stamp, moved_to
 from obsdesign.runtime.finite_time.constants import WindowConstants
+from obsdesign.runtime.finite_time.state import FiniteTimeState
 from obsdesign.runtime.finite_time.steady import outward_ends, steady_step
 from obsdesign.runtime.finite_time.window import (
-    FiniteTimeState,
     emptied,
     held_input,
     initial_state,

@@ -16,13 +16,9 @@ from obsdesign.runtime.finite_time.clock import is_next_instant
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
+from obsdesign.runtime.finite_time.state import CachedRadius, FiniteTimeState, HeldInput
 from obsdesign.runtime.finite_time.tape import extend
-from obsdesign.runtime.finite_time.window import (
-    CachedRadius,
-    FiniteTimeState,
-    HeldInput,
-    held_input,
-)
+from obsdesign.runtime.finite_time.window import held_input
 
 # estimate, w, residual, known inputs, radius
 _Response = tuple[Matrix, Matrix, Matrix, KnownInput | None, CachedRadius | None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +25,7 @@ Measurements = tuple[float, Matrix | None, tuple[int, ...]]
 class OneClock(NamedClocks):
     """The clocks of a plant with one jump and one output, which messages do not name."""
 
-    gains: SetMembershipGains
+    gains: SetMembershipGains = field(kw_only=True)
 
     def begin(self, t: float) -> Kept:
         """No jump so far; the time since the last sample counts from t on."""
@@ -94,7 +94,7 @@ class Clocks:
         gains = self.gains
         if gains.sensors:
             return NamedClocks(gains.every_event, gains.sensors)
-        return OneClock(gains.every_event, (), gains)
+        return OneClock(gains.every_event, (), gains=gains)
 
     @property
     def may_repeat(self) -> bool:

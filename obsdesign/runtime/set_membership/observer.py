@@ -73,10 +73,13 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Sizes of axes; b: of the flow's disturbance, w: of any; events: number of them."""
+        """Sizes of axes; b: of the flow's disturbance, w: of any; events: their number, or 1.
+
+        A stage that is no event has the place 0 too.
+        """
         model = self._model
-        counts = {"b": len(model.flow.lower), "w": model.width, "events": len(model.jumps)}
-        return super().sizes | counts
+        events = max(len(model.jumps), 1)
+        return super().sizes | {"b": len(model.flow.lower), "w": model.width, "events": events}
 
     @property
     def names(self) -> tuple[str, ...]:

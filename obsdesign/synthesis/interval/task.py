@@ -97,22 +97,19 @@ class Task:
         basis = np.diag(units.sizes) if S is None else S
         inward: Matrix = np.asarray(np.linalg.inv(basis))
         C, V = plant.output.C, problem.require_noise_bound()
-        idle = idle_gains(plant)
         L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
         low, high = (math.inf, math.inf) if plant.jump is None else problem.require_dwell_time()
         G, C_jump, h0 = _jump_error(plant, M, basis, inward, V)
         f0 = np.abs(inward) @ np.subtract(*plant.flow.b_bounds[::-1]) + 2 * np.abs(inward @ L) @ V
         pace = pace_of_search(problem, units)
         limit_L, limit_M = gain_caps(problem, S, units, pace)
-        is_open = {name: name not in given and name not in idle for name in ("L", "M")}
-        constraints = convex_gains(problem.options_as(IntervalOptions), user)
+        constraints = _open_gains(problem, given, user)
         return cls(
             A=inward @ (plant.flow.A - L @ C) @ basis / pace, G=G,
             C=C @ basis / units.rows[:, None],
             C_jump=C_jump @ basis / units.rows[:, None],
             f0=f0 / pace, h0=h0, V=V / units.rows, low=low * pace, high=high * pace,
-            open_L=is_open["L"], open_M=is_open["M"],
-            constraints={name: constraints[name] for name in constraints if is_open[name]},
+            open_L="L" in constraints, open_M="M" in constraints, constraints=constraints,
             limit_L=limit_L, limit_M=limit_M, positive=positive,
             weights=width_weights(problem) @ np.abs(basis),
             pre_jump=problem.options_as(IntervalOptions).width == "pre_jump",
@@ -233,6 +230,16 @@ class GainSearch:
     def units(self) -> BalancedPlant:
         """`balanced_units` of the problem, which take longer than the rest of a task."""
         return balanced_units(self.problem)
+
+
+def _open_gains(
+    problem: Problem, given: Mapping[str, Array], user: UserConstraints | None
+) -> dict[str, ConvexGain]:
+    """Gains that are chosen, neither given nor without effect, with the constraints on them."""
+    idle = idle_gains(problem.plant)
+    constraints = convex_gains(problem.options_as(IntervalOptions), user)
+    kept = {*given, *idle}
+    return {name: own for name, own in constraints.items() if name not in kept}
 
 
 def width_weights(problem: Problem) -> Matrix:
