@@ -119,12 +119,19 @@ class Stored:
 class Gains(Stored, ABC):
     """Entries of every kind, with checks and the forms of a design file.
 
-    A (n, n), C (p, n); noise_centre (p,): middle of the bounds of the noise, None where it is zero.
+    A (n, n), C (p, n); dt: step of a plant in discrete time, None for a flow; noise_centre (p,):
+    middle of the bounds of the noise, None where it is zero.
     """
 
     A: Array = matrix("n", "n")
     C: Array = matrix("p", "n")
     noise_centre: Array | None = matrix("p", optional=True)
+    dt: float | None = number(optional=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.dt is not None and not 0.0 < self.dt < math.inf:
+            raise ValueError(f"gains.dt must be a positive number; got {self.dt!r}.")
 
     @cached_property
     def n(self) -> int:
@@ -293,4 +300,5 @@ def flow_data(plant: Plant) -> NewEntries:
     flow = plant.flow
     lower, upper = flow.b_bounds
     data: NewEntries = {"A": flow.A} | ({} if flow.B is None else {"B": flow.B})
+    data |= {} if flow.dt is None else {"dt": flow.dt}
     return data | {"flow_lower": lower, "flow_upper": upper}

@@ -26,7 +26,7 @@ def flattened(given: Entries, kind: str | None, plant: Plant) -> NewEntries:
     }
     for entry in named:
         _check_owner(entry, plant)
-    if plant.has_one_clock:
+    if plant.has_one_clock and not (kind == "interval" and plant.acts_in_turns):
         return flat | {entry.rpartition(".")[2]: value for entry, value in named.items()}
     if kind is None:
         return flat | named
@@ -71,9 +71,10 @@ def sized(values: Value, entry: str, plant: Plant) -> Matrix:
 def _check_owner(entry: str, plant: Plant) -> None:
     """InputError unless an entry is L of a sensor or M of an event."""
     owner, _, gain = entry.rpartition(".")
+    is_listed = plant.has_tables or plant.acts_in_turns
     listed = {
-        OF_EVENT: [event.name for event in plant.events if plant.has_tables],
-        OF_SENSOR: [sensor.name for sensor in plant.sensors if plant.has_tables],
+        OF_EVENT: [event.name for event in plant.events if is_listed],
+        OF_SENSOR: [sensor.name for sensor in plant.sensors if is_listed],
     }
     if owner in listed[gain]:
         return

@@ -105,4 +105,4 @@ class Clocks:
 
     @cached_property
     def _named(self) -> NamedClocks:
-        return NamedClocks(self.gains.every_event, self.gains.sensors)
+        return NamedClocks(self.gains.every_event, self.gains.sensors, self.gains.dt)
