@@ -44,6 +44,10 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
         from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver
 
         return ClockedIntervalObserver
+    if kind == "luenberger" and "dt" in gains:
+        from obsdesign.runtime.luenberger.discrete_time import StepObserver
+
+        return StepObserver
     if known.name == "set_membership" and "d_rate" in gains:
         from obsdesign.runtime.set_membership.input_bounds import InputBoundsObserver
 
