@@ -119,19 +119,12 @@ class Stored:
 class Gains(Stored, ABC):
     """Entries of every kind, with checks and the forms of a design file.
 
-    A (n, n), C (p, n); dt: step of a plant in discrete time, None for a flow; noise_centre (p,):
-    middle of the bounds of the noise, None where it is zero.
+    A (n, n), C (p, n); noise_centre (p,): middle of the bounds of the noise, None where it is zero.
     """
 
     A: Array = matrix("n", "n")
     C: Array = matrix("p", "n")
     noise_centre: Array | None = matrix("p", optional=True)
-    dt: float | None = number(optional=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.dt is not None and not 0.0 < self.dt < math.inf:
-            raise ValueError(f"gains.dt must be a positive number; got {self.dt!r}.")
 
     @cached_property
     def n(self) -> int:
@@ -155,7 +148,8 @@ class PlantGains(Gains):
 
     B (n, m); flow_lower, flow_upper (n,): bounds of b; G (n, n), E (n, l), jump_lower, jump_upper
     (n,): the jump, None without jumps; dwell_time: (shortest, longest), None where every dwell time
-    is allowed; noise_bound (p,): |v - noise_centre| <= noise_bound.
+    is allowed; noise_bound (p,): |v - noise_centre| <= noise_bound. dt: step of a plant in discrete
+    time, None for a flow.
     """
 
     B: Array | None = matrix("n", "m", optional=True)
@@ -169,9 +163,12 @@ class PlantGains(Gains):
     dwell_jitter: float | None = number(optional=True)
     noise_bound: Array | None = matrix("p", optional=True)
     jump_measurement: str = word("before", "after", "none")
+    dt: float | None = number(optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.dt is not None and not 0.0 < self.dt < math.inf:
+            raise ValueError(f"gains.dt must be a positive number; got {self.dt!r}.")
         for name in ("jump_lower", "jump_upper"):
             if self.G is not None and getattr(self, name) is None:
                 raise ValueError(f"gains.{name} must have shape n; got nothing.")

@@ -75,5 +75,6 @@ def _step(system: Any, dt: float | None) -> float | None:
         return dt
     if dt is not None:
         raise InputError(f"dt is stated by the system, {stated!r}; give it once.")
-    is_flow = stated is None or stated == 0 or math.isinf(stated)
-    return None if is_flow else float(stated)
+    if stated is None or stated == 0 or math.isinf(stated):
+        return None
+    return float(stated)

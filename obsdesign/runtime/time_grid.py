@@ -1,4 +1,4 @@
-"""Steps of a plant in discrete time at run time: their number between two stamps, their maps."""
+"""Steps of discrete time: their number between two stamps, and their maps."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, raised
+from obsdesign.errors import InputError
 from obsdesign.runtime.time_stamps import time_tolerance
 
 
 def steps_between(start: float, end: float, dt: float) -> int:
-    """Number of steps between two stamps, start <= end; ValueError unless it is whole.
+    """Number of steps between two stamps, start <= end; InputError unless it is whole.
 
     Two stamps are compared with the tolerance of periods (`runtime.time_stamps`).
     """
     h = end - start
     slack = time_tolerance(h, end)
     if not slack < dt / 4:
-        raise ValueError(f"time {end!r} is too coarse to count steps of flow.dt = {dt:g}.")
+        raise InputError(f"time {end!r} is too coarse to count steps of flow.dt = {dt:g}.")
     count = round(h / dt)
     if abs(h - count * dt) > slack:
-        raise ValueError(
+        raise InputError(
             f"time must be a multiple of flow.dt = {dt:g} after {start!r}; got {end!r}."
         )
     return count

@@ -36,9 +36,10 @@ class LuenbergerGains(PlantGains):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepGains(PlantGains):
-    """The same in discrete time: x+ = x + L (y - C x) at samples, x+ = G x + M (y - C x) at events.
+    """The same in discrete time, where L acts at samples alone.
 
-    period: between samples, None where y is known at events alone.
+    x+ = x + L (y - C x) at samples, x+ = G x + M (y - C x) at events. period: between samples,
+    None where y is known at events alone.
     """
 
     L: Array = matrix("n", "p")

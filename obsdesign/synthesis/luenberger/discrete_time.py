@@ -1,4 +1,4 @@
-"""Point observers in discrete time: gains of the steady-state Kalman filter, and certificates.
+"""Point observers in discrete time: gains of a Kalman filter, and certificates.
 
 L: of the filter for the step, or for the steps from sample to sample, with weights one in units
 that balance the plant, the noise smaller from one candidate to the next. M: the same correction
