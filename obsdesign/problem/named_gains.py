@@ -35,6 +35,11 @@ def flattened(given: Entries, kind: str | None, plant: Plant) -> NewEntries:
     return named
 
 
+def words_for_turns(plant: Plant) -> str:
+    """For which plants kind `interval` lets step, samples and events act by themselves."""
+    return "with several clocks" if plant.flow.dt is None else "in discrete time"
+
+
 def nested(gains: Mapping[str, Matrix]) -> NewEntries:
     """Gains as a file has them: a table for each event and sensor."""
     result: NewEntries = {}
@@ -93,7 +98,7 @@ def _owned(name: str, plant: Plant) -> str:
     owners += [x.name for x in plant.events if name == OF_EVENT]
     if name not in (OF_SENSOR, OF_EVENT):
         raise InputError(
-            f"observer.gains.{name} is not available with several clocks: their bounds are in the "
+            f"observer.gains.{name} is not available {words_for_turns(plant)}: bounds are in the "
             "plant's own coordinates, and gains are L of a sensor and M of an event."
         )
     if len(owners) != 1:

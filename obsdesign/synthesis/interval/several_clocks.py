@@ -22,6 +22,7 @@ from obsdesign.analysis.interval.several_clocks import (
 )
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.problem.named_gains import words_for_turns
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.output import stacked
 from obsdesign.problem.plant import Jump, Output
@@ -41,7 +42,9 @@ def clocked_candidate(
 ) -> Candidate:
     """The observer of a problem with several clocks; DoesNotApply where none can be built."""
     if constraints is not None:
-        raise InputError("constraints on open gains are not available with several clocks.")
+        raise InputError(
+            f"constraints on open gains are not available {words_for_turns(problem.plant)}."
+        )
     problem.require_noise_bound()
     if reason := reason_against_clocks(problem):
         raise DoesNotApply(reason)

@@ -13,7 +13,11 @@ from obsdesign.document import Claim
 from obsdesign.entries import is_number
 
 _SOURCE = "docs/discrete_time.md, widths; comparison with fewer samples"
-_CLOCKS = "for all times of samples and events that the clocks allow"
+_CLOCKS = "for all times of samples that the clocks allow"
+_EVENTS = (
+    "as events go on, for all times of events and samples that the clocks allow, where a sample "
+    "stamped with the time of an event acts before it, or after it, as `sees` says"
+)
 NO_GRAPH = (
     "No width of the bounds is guaranteed: the clocks have too many states between them to follow "
     "them all, or an event has no shortest time."
@@ -29,18 +33,18 @@ def step_claims(system: ClockSystem, certificates: EntriesByClaim) -> tuple[Clai
     graph = step_graph(system)
     if isinstance(graph, str):
         return ()
-    still = graph.without_inputs()
+    still, clocks = graph.without_inputs(), _EVENTS if system.gains.events else _CLOCKS
     return (
         Claim.from_verdict(
             "event_stability",
-            f"without disturbance and noise the width of the bounds tends to zero {_CLOCKS}: a "
+            f"without disturbance and noise the width of the bounds tends to zero {clocks}: a "
             "tube of the homogeneous width system on the graph of the clocks is drawn into itself",
             _SOURCE,
             _of_tube(system, still, certificates.get("event_stability", {}), has_width=False),
         ),
         Claim.from_verdict(
             "event_width",
-            f"the width of the bounds comes to at most `always` after any step {_CLOCKS}",
+            f"the width of the bounds comes to at most `always` after any step {clocks}",
             _SOURCE,
             _of_tube(system, graph, certificates.get("event_width", {}), has_width=True),
         ),
