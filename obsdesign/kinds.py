@@ -93,6 +93,8 @@ GIVING_BOUNDS = ("interval", "set_membership")
 TAKING_CLOCKS = ("interval", "set_membership")
 WITH_NAMED_GAINS = ("interval",)
 TAKING_MODES = tuple(kind.name for kind in _TABLE if kind.modes is not None)
+# kinds that take plants in discrete time
+TAKING_DISCRETE_TIME = ("interval", "set_membership", "luenberger")
 
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")

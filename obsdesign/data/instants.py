@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.data.discrete_times import on_steps, require_steps
 from obsdesign.data.jump_times import jump_times, random_spacings
 from obsdesign.data.mode_times import ModeTimes, longest_stay, mode_times
 from obsdesign.errors import InputError
@@ -53,15 +54,20 @@ def instants_of(
     if len(plant.events) > 1 and not isinstance(dwell, str):
         names = ", ".join(event.name for event in plant.events)
         raise InputError(f"dwell must be random or shortest for several events ({names}).")
-    events = [jump_times(event, dwell, until, rng) for event in plant.events]
+    dt = plant.flow.dt
+    events = [jump_times(event, dwell, until, rng, dt) for event in plant.events]
     spacing = _default_step(plant, until) if step is None else step
-    samples = [_sample_times(sensor, until, rng) for sensor in plant.sensors]
+    # a sample that is due at the last step may be drawn a little after it
+    samples = [_sample_times(sensor, until + (dt or 0.0), rng) for sensor in plant.sensors]
     always = [_is_read_at_every_row(sensor) for sensor in plant.sensors]
-    has_grid = step is not None or any(always) or _period(plant) > 0
+    has_grid = step is not None or any(always) or _period(plant) > 0 or dt is not None
     # of several clocks t = 0 is a row, where nothing has happened yet
     grid = _grid(spacing, until) if has_grid else np.zeros(0 if plant.has_one_clock else 1)
     changes = mode_times(plant.modes, dwell, until, rng) if plant.modes else None
     listed = [*events, *samples, np.zeros(0) if changes is None else changes.times, grid]
+    if dt is not None:
+        require_steps(spacing, dt, "step")
+        listed = [on_steps(own, dt, until) for own in listed]
     times, rows = _merged(listed, _SAME_INSTANT * spacing)
     if any(len(np.unique(own)) < len(own) for own in rows) or not (np.diff(times) > 0).all():
         raise InputError(
@@ -187,8 +193,11 @@ def _period(plant: Plant) -> float:
 
 def _settled(plant: Plant) -> float:
     """200 sampling periods, or ten times the slowest mode's; less where x would grow far."""
-    modes = np.linalg.eigvals(plant.flow.A)
-    fastest, period = float(np.abs(modes).max()), _period(plant)
+    modes, period = np.linalg.eigvals(plant.flow.A), _period(plant)
+    if plant.flow.dt is not None:
+        period = period or plant.flow.dt
+        modes = np.log(np.maximum(np.abs(modes), np.exp(-1.0))) / plant.flow.dt
+    fastest = float(np.abs(modes).max())
     if fastest == 0 or not math.isfinite(fastest):
         return 200 * period or 10.0
     slowest = float(np.abs(modes[np.abs(modes) > 1e-6 * fastest]).min())
@@ -200,7 +209,7 @@ def _settled(plant: Plant) -> float:
 
 
 def _default_step(plant: Plant, until: float) -> float:
-    if period := _period(plant):
+    if period := _period(plant) or plant.flow.dt:
         return period
     wanted = until / 500
     scale = 10.0 ** math.floor(math.log10(wanted))

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.data.discrete_times import require_steps, whole_spacings
 from obsdesign.entries import positive
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Jump
@@ -17,10 +18,22 @@ _MOST_JUMPS = 1e5
 
 
 def jump_times(
-    event: Jump, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
-) -> Matrix:
-    """Instants of a jump in (0, until]; the first one a dwell time after 0."""
+    event: Jump, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator,
+    dt: float | None = None,
+) -> Matrix:  # fmt: skip
+    """Instants of a jump in (0, until]; the first one a dwell time after 0.
+
+    dt: step of a plant in discrete time. InputError for dwell times between its steps.
+    """
     spacing = _spacings(event, dwell, until, rng)
+    if dt is not None:
+        for theta in [dwell] if isinstance(dwell, int | float) else dwell:
+            if not isinstance(theta, str):
+                require_steps(theta, dt, "dwell")
+        low, high = event.dwell_time or (0.0, math.inf)
+        ends = (low, high, event.dwell_jitter)
+        if isinstance(dwell, str):
+            spacing = whole_spacings(spacing, ends, dt)
     times, t = [], 0.0
     for theta in spacing:
         t += theta

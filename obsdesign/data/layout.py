@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -9,8 +10,10 @@ from lmi.arithmetic.arrays import Entries
 from obsdesign.column_names import MODE, TIME, data_columns, numbered
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.document import Design
+from obsdesign.errors import InputError, naming
 from obsdesign.runtime.base import Observer
 from obsdesign.runtime.bounds import DeclaredBounds
+from obsdesign.runtime.time_grid import steps_between
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,7 @@ class Layout:
     bounds: declared ones that columns of a row may narrow, None where none are used; unused:
     letters of those that stay as declared. clocks: of named events and sensors, whose columns stand
     for y, w and jump; may_repeat: rows may share a time, and act in the order of the file; modes:
-    names in the column `mode`, none where the plant has none.
+    names in the column `mode`, none where the plant has none; dt: step of discrete time.
     """
 
     y: int
@@ -32,6 +35,18 @@ class Layout:
     clocks: ClockColumns | None = None
     may_repeat: bool = False
     modes: tuple[str, ...] = ()
+    dt: float | None = None
+
+    def check_time(self, t: float, previous: float, where: str) -> None:
+        """InputError unless a row may follow that of time `previous`, -inf for the first."""
+        if t < previous or (t == previous and not self.may_repeat):
+            raise InputError(
+                f"{where}: t must increase; got {t!r} after {previous!r}. "
+                "Are the rows sorted, without repeats?"
+            )
+        if self.dt is not None and previous > -math.inf:
+            with naming(where):
+                steps_between(previous, t, self.dt)
 
     @staticmethod
     def from_reads(reads: Mapping[str, int]) -> Layout:
@@ -49,7 +64,8 @@ class Layout:
         clocks = ClockColumns.from_problem(design.problem, has_events=layout.jump)
         modes = tuple(mode["name"] for mode in design.problem.get("mode", ()))
         layout = replace(
-            layout, clocks=clocks, may_repeat="sensors" in design.gains, modes=modes
+            layout, clocks=clocks, may_repeat="sensors" in design.gains, modes=modes,
+            dt=_block(design.problem, "flow").get("dt"),
         )  # fmt: skip
         if bounds is None:
             return layout

@@ -137,11 +137,7 @@ class _Header:
                     f"{where}: jump must be 0, since the design's plant has no [jump]; got "
                     f"{unused!r}. Is it the data of another plant?"
                 )
-        if sample.t < previous or (sample.t == previous and not self.layout.may_repeat):
-            raise InputError(
-                f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
-                "Are the rows sorted, without repeats?"
-            )
+        self.layout.check_time(sample.t, previous, where)
         return sample
 
     def remark_on_unused(self, remark: Remark) -> None:

@@ -60,6 +60,19 @@ class Signals:
         angles = np.concatenate([s.omega * t + s.phase for s in (self.flow, self.unknown_input)])
         return np.concatenate([x, constant, np.sin(angles), np.cos(angles)])
 
+    def stepped(self, x: Matrix, k: int, t: float, count: int) -> Matrix:
+        """State after so many steps of discrete time from time t, with the signals of row k."""
+        flow = self.plant.flow
+        for i in range(count):
+            now = t + i * (flow.dt or 0.0)
+            following = flow.A @ x + flow.disturbance_columns @ self.flow.value(k, now)
+            if flow.B is not None:
+                following += flow.B @ self.u[max(k - 1, 0)]
+            if flow.D is not None:
+                following += flow.D @ self.unknown_input.value(k, now)
+            x = following
+        return x
+
     def with_inputs(self, other: Signals) -> Signals:
         """These signals with the known and the unknown input of others of as many rows."""
         d = other.unknown_input

@@ -1,7 +1,8 @@
 """Exact trajectories of a plant with jumps, inputs, disturbances and noise.
 
 Nothing is integrated by steps: between two instants the state moves by a block exponential of
-plant, held inputs and signal generators, so that the record is the solution to rounding.
+plant, held inputs and signal generators, so that the record is the solution to rounding. In
+discrete time the step of the plant is repeated.
 """
 
 from __future__ import annotations
@@ -70,9 +71,10 @@ def simulate(
 
     until, step: end and spacing of the rows, in the plant's time unit (default: ten dwell times,
     without jumps 200 periods or ten time constants of the slowest mode; the sampling period, else a
-    round number near until/500). initial: x(0), (n,), default ones. dwell: `shortest`, `random`
-    (admissible), one dwell time, or a sequence of them, repeated in turn. disturbance: `zero` (the
-    middle of every bound, no noise), `extreme` (a corner, held), `random` or `sine`. rng: a numpy
+    round number near until/500, in discrete time a step). initial: x(0), (n,), default ones. dwell:
+    `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in turn.
+    disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held), `random`
+    or `sine`. rng: a numpy
     Generator (default: seed 0). announced: the record has the times of impulses of unknown weight
     too, which every kind but `impulsive_input` needs.
 
@@ -140,7 +142,9 @@ def _trajectory(
     for k, t in enumerate(times):
         h, mode = t - now, leading[k]
         own = sources[mode] if sources else source
-        if h > 0:
+        if plant.flow.dt is not None:
+            x = own.stepped(x, k, now, round(h / plant.flow.dt))
+        elif h > 0:
             if (mode, h) not in cache:
                 cache[mode, h] = expm(own.generator * h)[:n]
             x = cache[mode, h] @ own.extended(x, k, now)

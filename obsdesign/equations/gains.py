@@ -148,7 +148,8 @@ class PlantGains(Gains):
 
     B (n, m); flow_lower, flow_upper (n,): bounds of b; G (n, n), E (n, l), jump_lower, jump_upper
     (n,): the jump, None without jumps; dwell_time: (shortest, longest), None where every dwell time
-    is allowed; noise_bound (p,): |v - noise_centre| <= noise_bound.
+    is allowed; noise_bound (p,): |v - noise_centre| <= noise_bound. dt: step of a plant in discrete
+    time, None for a flow.
     """
 
     B: Array | None = matrix("n", "m", optional=True)
@@ -162,9 +163,12 @@ class PlantGains(Gains):
     dwell_jitter: float | None = number(optional=True)
     noise_bound: Array | None = matrix("p", optional=True)
     jump_measurement: str = word("before", "after", "none")
+    dt: float | None = number(optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.dt is not None and not 0.0 < self.dt < math.inf:
+            raise ValueError(f"gains.dt must be a positive number; got {self.dt!r}.")
         for name in ("jump_lower", "jump_upper"):
             if self.G is not None and getattr(self, name) is None:
                 raise ValueError(f"gains.{name} must have shape n; got nothing.")
@@ -293,4 +297,5 @@ def flow_data(plant: Plant) -> NewEntries:
     flow = plant.flow
     lower, upper = flow.b_bounds
     data: NewEntries = {"A": flow.A} | ({} if flow.B is None else {"B": flow.B})
+    data |= {} if flow.dt is None else {"dt": flow.dt}
     return data | {"flow_lower": lower, "flow_upper": upper}

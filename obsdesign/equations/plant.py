@@ -60,6 +60,10 @@ class Flow(Disturbed, Protocol):
         """Bounds of the unknown input, None without any."""
 
     @property
+    def dt(self) -> float | None:
+        """Step of discrete time, None for a flow."""
+
+    @property
     def b_bounds(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) bounds of b, (n,) each, of b + D d where d is bounded."""
 

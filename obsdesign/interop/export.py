@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Value
+from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import numbered
 from obsdesign.document import Design
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.equations.luenberger.gains import LuenbergerGains, StepGains
 from obsdesign.errors import InputError
 from obsdesign.output_files import write_bytes
 
@@ -67,6 +67,8 @@ def control_estimator(design: Design) -> Any:
 
         x_hat' = (A - L C) x_hat + [L, B] (y; u),    n states, n outputs
 
+    In discrete time, with the step dt of the plant and the estimate before the sample as its state,
+    x_hat = (I - L C) z + L y, z+ = A x_hat + B u.
     It makes sense for kind `luenberger` without jumps. InputError for every other design, with the
     reason; where the middle of flow.disturbance is not zero, since a linear system adds no
     constant; and when python-control (extra `interop`) is not installed.
@@ -75,12 +77,15 @@ def control_estimator(design: Design) -> Any:
     if design.kind == "luenberger" and "G" in gains:
         why = "its estimate jumps with the plant; a state-space model does not"
     why = "its gains change with the mode" if "modes" in gains else why
+    if design.kind == "luenberger" and gains.get("period", gains.get("dt")) != gains.get("dt"):
+        why = "it is corrected every few steps alone"
     if why is not None:
         raise InputError(
             f"a control estimator exists for kind 'luenberger' without jumps; this design is of "
             f"kind {design.kind!r}: {why}. Run it with obsdesign.runtime."
         )
-    typed = LuenbergerGains.from_document(gains)
+    is_discrete = "dt" in gains
+    typed = (StepGains if is_discrete else LuenbergerGains).from_document(gains)
     if np.any(typed.flow_lower + typed.flow_upper):
         raise InputError(
             "a control estimator needs flow.disturbance with its middle at 0, since a linear "
@@ -93,12 +98,22 @@ def control_estimator(design: Design) -> Any:
             "a control estimator requires the package `control`; it is missing: "
             "pip install 'obsdesign[interop]'."
         ) from None
-    L, (n, p) = typed.L, typed.L.shape
-    B = np.zeros((n, 0)) if typed.B is None else typed.B
-    F = flow_error_matrix(typed.A, L, typed.C)
+    (n, p), m = typed.L.shape, typed.m
     states = [f"x{i + 1}_hat" for i in range(n)]
-    inputs = [*numbered("y", p), *numbered("u", B.shape[1])]
+    inputs = [*numbered("y", p), *numbered("u", m)]
     return control.StateSpace(
-        F, np.hstack([L, B]), np.eye(n), np.zeros((n, p + B.shape[1])), 0,
-        inputs=inputs, outputs=states, states=states, name=f"{design.name}_observer",
+        *_matrices(typed), inputs=inputs, outputs=states, states=states,
+        name=f"{design.name}_observer",
     )  # fmt: skip
+
+
+def _matrices(gains: LuenbergerGains | StepGains) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
+    """A, B, C, D of the estimator from (y, u) to x_hat, and its time step, 0 for a flow."""
+    A, L, C, (n, p) = gains.A, gains.L, gains.C, gains.L.shape
+    B = np.zeros((n, 0)) if gains.B is None else gains.B
+    still = np.zeros((n, B.shape[1]))
+    if isinstance(gains, LuenbergerGains):
+        F = flow_error_matrix(A, L, C)
+        return F, np.hstack([L, B]), np.eye(n), np.hstack([np.zeros((n, p)), still]), 0
+    kept = np.eye(n) - L @ C
+    return A @ kept, np.hstack([A @ L, B]), kept, np.hstack([L, still]), gains.step

@@ -124,6 +124,8 @@ def _unknown_input(stored: _Stored, evidence: _Evidence) -> Curve | None:
 
 
 def _luenberger(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    if "dt" in stored:  # the flow of a curve is one of continuous time
+        return None
     gains = LuenbergerGains.from_document(stored)
     F = flow_error_matrix(gains.A, gains.L, gains.C)
     if gains.G is None:

@@ -8,6 +8,8 @@ from lmi.arithmetic.arrays import Matrix, NewEntries, Value
 from obsdesign.entries import bounds, matrix, require_shape
 from obsdesign.equations.boxes import image_box
 
+DISTURBANCE = "Bounds of {}, or of w where there is a disturbance_matrix; default 0."
+
 
 class Block:
     """A block of a plant; two are equal where all entries are."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
 
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import signal_columns
@@ -185,6 +185,18 @@ class Sensor(Output):
     def columns(self) -> tuple[str, ...]:
         """Its columns in a data file."""
         return signal_columns(self.name, len(self.C))
+
+    @property
+    def stated_times(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        """Entries that hold times of its clock, each with these."""
+        every = self.every
+        ends = every if isinstance(every, tuple) else () if isinstance(every, str) else (every,)
+        times = tuple(end for end in ends if end is not None)
+        return (("every", times), ("jitter", (self.jitter,)))
+
+    def at_every_step(self, dt: float) -> Self:
+        """The same sensor, read at every step of discrete time."""
+        return replace(self, every=dt)
 
     @property
     def gap(self) -> float:

@@ -116,8 +116,16 @@ class Mode(Block):
         return self.G
 
 
-def check_modes(modes: Sequence[Mode]) -> None:
-    """InputError where names meet, or a mode names one that is none, or ends without another."""
+def check_modes(modes: Sequence[Mode], jumps: str | None) -> None:
+    """InputError where names meet, or a mode names one that is none, or ends without another.
+
+    jumps: the block of jumps, which is not mixed with modes; None without any.
+    """
+    if jumps is not None:
+        raise InputError(
+            f"[[mode]] may not be mixed with {jumps} in this version; a map at changes of mode is "
+            f"{modes[0].entry}.G."
+        )
     names = [mode.name for mode in modes]
     if len(names) < 2:
         raise InputError(

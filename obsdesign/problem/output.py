@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -138,6 +138,15 @@ class Output(Block):
         return "jump" if self.measured == "at_jumps" else None
 
     @property
+    def stated_times(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        """Entries that hold times of its clock, each with these."""
+        return () if self.period is None else (("period", (self.period,)),)
+
+    def at_every_step(self, dt: float) -> Self:
+        """The same sensor, read at every step of discrete time."""
+        return replace(self, measured="periodic", period=dt)
+
+    @property
     def sample_period(self) -> float:
         """Time between samples; 1 where none is stated."""
         return 1.0 if self.period is None else self.period
@@ -146,6 +155,11 @@ class Output(Block):
     def sample_spacing(self) -> float:
         """Time between samples; 0 where none is stated."""
         return 0.0 if self.period is None else self.period
+
+
+def every_step(sensor: Output, dt: float) -> Output:
+    """A sensor of a plant in discrete time: what is read always is read at every step."""
+    return sensor.at_every_step(dt) if sensor.measured == "continuous" else sensor
 
 
 def stacked(sensors: Sequence[Output]) -> Output:

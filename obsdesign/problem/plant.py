@@ -3,6 +3,7 @@
     x'(t) = A x + B u(t) + D d(t) + b(t)      between jumps,  lower <= b <= upper
     x(t)  = G x(t-) + E w[k] + H g[k] + c[k]  at jump times,  lower <= c <= upper
                       with a disturbance_matrix Bw: b = Bw w,  lower <= w <= upper, likewise c
+                      in discrete time, with a step dt: x(t + dt) = A x(t) + B u(t) + D d(t) + b(t)
     y     = C x + v,  |v_i| <= noise_bound_i, or lower_i <= v_i <= upper_i where that is a pair;
                       standard deviation noise_std_i + noise_cv_i |y_i|
 
@@ -25,68 +26,20 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import JUMP
 from obsdesign.entries import matrix, missing_entry, real, require_shape, size_text
-from obsdesign.equations.boxes import image_box
 from obsdesign.errors import InputError, naming
-from obsdesign.problem.blocks import DisturbedBlock, set_fields
-from obsdesign.problem.input_bounds import InputBounds
+from obsdesign.problem.blocks import DISTURBANCE, DisturbedBlock, set_fields
+from obsdesign.problem.flow import Flow as Flow
 from obsdesign.problem.modes import Mode, check_modes
-from obsdesign.problem.output import IRREGULAR, stacked
+from obsdesign.problem.output import IRREGULAR, every_step, stacked
 from obsdesign.problem.output import Output as Output
 from obsdesign.problem.schema import DWELL_RANGE, file_entry, ref
 from obsdesign.problem.several_clocks import require_fixed, require_one
-from obsdesign.problem.time_ranges import time_range
+from obsdesign.problem.time_ranges import require_on_grid, time_range
 
 # what is left out: __post_init__ fills it in, and for a jump the plant, which knows the sizes
 _DEFAULT: Value = None
 # how messages write an entry
 _WRITTEN = {"jump": "[jump]", "jump.dwell_time": "jump.dwell_time = [shortest, longest]"}
-_DISTURBANCE = "Bounds of {}, or of w where there is a disturbance_matrix; default 0."
-
-
-@dataclass(frozen=True, eq=False)
-class Flow(DisturbedBlock):
-    """The flow x' = A x + B u(t) + D d(t) + b(t), lower <= b(t) <= upper.
-
-    A (n, n); B (n, m): known input; D (n, q): unknown input; lower, upper (n,): zero by default.
-    With a disturbance_matrix Bw (n, k), b = Bw w(t) and lower, upper (k,) are bounds of w.
-    d_bounds: of d, None where there are none. InputError where sizes do not agree, numbers are not
-    finite or bounds are crossed.
-    """
-
-    A: Matrix = file_entry(ref("matrix"), "n x n.")
-    B: Matrix | None = file_entry(ref("matrix"), "n x m, known input u.", default=None)
-    D: Matrix | None = file_entry(ref("matrix"), "n x q, unknown input d.", default=None)
-    lower: Matrix = file_entry(
-        ref("bounds"), _DISTURBANCE.format("b(t)"), default=_DEFAULT, name="disturbance"
-    )
-    upper: Matrix = _DEFAULT
-    disturbance_matrix: Matrix | None = file_entry(
-        ref("matrix"), "n x k: b = Bw w, and disturbance bounds w.", default=None
-    )
-    d_bounds: InputBounds | None = file_entry(
-        ref("input_bounds"), "Bounds of d and, optional, of its rate of change.", default=None
-    )
-
-    def __post_init__(self) -> None:
-        A = matrix(self.A, "flow.A")
-        n = A.shape[0]
-        if A.shape != (n, n):
-            raise InputError(f"flow.A must be square; got {size_text(A)}.")
-        names = ("B", "D", "disturbance_matrix")
-        set_fields(self, A=A, **self.matrices("flow", names, n, f"flow.A ({size_text(A)})"))
-        lower, upper = self.checked_bounds("flow", n)
-        set_fields(self, lower=lower, upper=upper)
-        if self.d_bounds is not None:
-            set_fields(self, d_bounds=InputBounds.from_entry(self.d_bounds, self.D))
-
-    @property
-    def b_bounds(self) -> tuple[Matrix, Matrix]:
-        """(lower, upper) of b, (n,), D d included where d is bounded; rounded outward."""
-        if self.D is None or self.d_bounds is None:
-            return self.disturbance_box()
-        columns = np.hstack([self.disturbance_columns, self.D])
-        lower = np.concatenate([self.lower, self.d_bounds.lower])
-        return image_box(columns, lower, np.concatenate([self.upper, self.d_bounds.upper]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +60,7 @@ class Jump(DisturbedBlock):
         ref("matrix"), "Directions of impulses with unknown weights g.", default=None
     )
     lower: Matrix = file_entry(
-        ref("bounds"), _DISTURBANCE.format("c[k]"), default=_DEFAULT, name="disturbance"
+        ref("bounds"), DISTURBANCE.format("c[k]"), default=_DEFAULT, name="disturbance"
     )
     upper: Matrix = _DEFAULT
     dwell_time: tuple[float, float] | None = file_entry(
@@ -132,6 +85,11 @@ class Jump(DisturbedBlock):
     def entry(self) -> str:
         """What messages call it."""
         return self.name
+
+    @property
+    def stated_times(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        """Entries that hold times of its clock, each with these."""
+        return (("dwell_time" if self.entry == "jump" else "every", self.dwell_time or ()),)
 
     @property
     def inputs(self) -> int:
@@ -200,19 +158,20 @@ class Plant:
         events = tuple(event.completed(n, why) for event in listed)
         if sensors[0].measured == "at_jumps" and not events:
             raise InputError(missing_entry("[jump]", "output.measured = 'at_jumps'"))
+        if flow.dt is not None:
+            sensors = tuple(every_step(sensor, flow.dt) for sensor in sensors)
+            require_on_grid((*events, *sensors), flow.dt)
         p = sum(len(sensor.C) for sensor in sensors)
         set_fields(self, flow=flow, events=events, sensors=sensors, modes=tuple(modes), n=n, p=p)
         if modes:
             self._check_modes()
 
     def _check_modes(self) -> None:
-        check_modes(self.modes)
-        if self.events:
-            raise InputError(
-                f"[[mode]] may not be mixed with {'[[event]]' if self.has_tables else '[jump]'} in "
-                f"this version; a map at changes of mode is {self.modes[0].entry}.G."
-            )
         flow, sensors = self.flow, self.sensors
+        if flow.dt is not None:
+            raise InputError("[[mode]] is not available with flow.dt in this version.")
+        jumps = "[[event]]" if self.has_tables else "[jump]"
+        check_modes(self.modes, jumps if self.events else None)
         m = 0 if flow.B is None else flow.B.shape[1]
         for mode in self.modes:
             if mode.C is not None and len(sensors) > 1:
@@ -258,6 +217,11 @@ class Plant:
         """Are `jump` and `output` all that there is?"""
         fixed = self.sensors[0].measured != IRREGULAR
         return len(self.events) <= 1 and len(self.sensors) == 1 and fixed
+
+    @cached_property
+    def acts_in_turns(self) -> bool:
+        """Are step, samples and events maps of their own to kind `interval`?"""
+        return not self.has_one_clock or self.flow.dt is not None
 
     @property
     def has_tables(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from obsdesign.errors import DoesNotApply
-from obsdesign.kinds import TAKING_CLOCKS, TAKING_MODES
+from obsdesign.kinds import TAKING_CLOCKS, TAKING_DISCRETE_TIME, TAKING_MODES
 
 _KINDS = ", ".join(TAKING_CLOCKS)
 
@@ -27,6 +27,16 @@ def require_no_modes(modes: Sequence[str], kind: str) -> None:
             f"kind {kind!r} has no modes; the plant has {len(modes)} ({', '.join(modes)}). "
             f"Observers for modes: {', '.join(TAKING_MODES)}.",
             "mode",
+        )
+
+
+def require_known_time(dt: float | None, kind: str) -> None:
+    """DoesNotApply for a plant in discrete time where the kind does not take it."""
+    if dt is not None and kind not in TAKING_DISCRETE_TIME:
+        raise DoesNotApply(
+            f"kind {kind!r} is for plants in continuous time; flow.dt is {dt:g}. Observers for "
+            f"discrete time: {', '.join(TAKING_DISCRETE_TIME)}.",
+            "flow.dt",
         )
 
 

@@ -42,6 +42,10 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
         from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver
 
         return ClockedIntervalObserver
+    if kind == "luenberger" and "dt" in gains:
+        from obsdesign.runtime.luenberger.discrete_time import StepObserver
+
+        return StepObserver
     if known.name == "set_membership" and "d_rate" in gains:
         from obsdesign.runtime.set_membership.input_bounds import InputBoundsObserver
 
@@ -77,6 +81,7 @@ def from_design(design: Design, path: str = "design") -> Observer:
 # gains that repeat an entry of the problem, and where it stands there
 _REPEATED = (
     ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
+    ("dt", "flow", "dt"),
     ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"), ("period", "output", "period"),
     ("dwell_time", "jump", "dwell_time"), ("dwell_jitter", "jump", "dwell_jitter"),
     ("jump_measurement", "output", "jump_measurement"), ("noise_centre", "output", "noise_bound"),
@@ -105,7 +110,8 @@ def _same_plant(design: Design) -> None:
         stated = table.get(key) if isinstance(table, dict) else None
         if key == "noise_bound":
             stated = _noise_part(stated, name)
-        given = name in design.gains or (name == "noise_centre" and stated is not None)
+        is_needed = name in ("noise_centre", "dt") and stated is not None
+        given = name in design.gains or is_needed
         if given and not same(jsonable(design.gains.get(name)), jsonable(stated)):
             if name == "dwell_time" and _is_searched_range(design, stated):
                 continue

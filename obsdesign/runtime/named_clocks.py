@@ -35,10 +35,11 @@ class Kept(NamedTuple):
 
 @dataclass(frozen=True)
 class NamedClocks:
-    """The clocks of events and sensors."""
+    """The clocks of events and sensors; dt: step of discrete time, None for a flow."""
 
     events: Sequence[EventGains]
     sensors: Sequence[SensorGains]
+    dt: float | None = None
 
     def begin(self, t: float) -> Kept:
         """No event so far; the time since the last sample counts from t on."""
@@ -113,10 +114,14 @@ class NamedClocks:
             has_all, apart = bool(np.isfinite(own).all()), t - last
             if (sensor.gap == 0.0 or sensor.event in happened) and not has_all:
                 yield f"{sensor.name}: {MISSING_SAMPLE}"
-            elif sensor.gap > 0.0 and apart > sensor.gap + time_tolerance(apart, t):
+                continue
+            over, slack = apart - sensor.gap, time_tolerance(apart, t)
+            if sensor.gap > 0.0 and over > slack:
                 yield (
                     f"{sensor.name}: time {apart:.9g} since the last sample, above {sensor.gap:.9g}"
                 )
+            elif self.dt is not None and not has_all and over >= -slack:
+                yield f"{sensor.name}: {MISSING_SAMPLE}"  # no step is left in which it could come
 
     @cached_property
     def sees(self) -> NDArray[np.str_]:

@@ -23,7 +23,7 @@ _CACHED_STEPS = 256
 _SHORT_STEP_ULPS, _LEAST_UNIT_ULPS = 128.0, 3.0
 
 
-def cached_step(cache: OrderedDict[float, T], h: float, build: Callable[[float], T]) -> T:
+def cached_step(cache: OrderedDict[K, T], h: K, build: Callable[[K], T]) -> T:
     """Return `build(h)`, from the cache if it is there."""
     return _cached(cache, h, lambda: build(h))
 

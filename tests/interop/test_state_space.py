@@ -36,6 +36,22 @@ def test_a_state_space_is_a_problem() -> None:
     assert from_state_space(alone).plant.flow.B is None
 
 
+def test_a_model_in_discrete_time_keeps_its_step() -> None:
+    """From scipy, from python-control, and where the step is not stated with it."""
+    output = {"noise_bound": [0.1]}
+    wanted = Problem(flow={"A": A, "B": B, "dt": 0.1}, output={"C": C, **output})
+    system = scipy.signal.StateSpace(A, B, C, D, dt=0.1)
+    assert from_state_space(system, output=output) == wanted
+    unstated = SimpleNamespace(A=A, B=B, C=C, D=D, dt=True)
+    assert from_state_space(unstated, output=output, dt=0.1) == wanted
+    for own in (system, scipy.signal.StateSpace(A, B, C, D)):
+        with pytest.raises(InputError, match="dt is stated by the system"):
+            from_state_space(own, dt=0.2)
+    control = pytest.importorskip("control", reason="the extra `interop` is not installed")
+    assert from_state_space(control.ss(A, B, C, D, 0.1), output=output) == wanted
+    assert from_state_space(control.ss(A, B, C, D, True), output=output, dt=0.1) == wanted
+
+
 def test_further_blocks_are_given_as_in_a_file() -> None:
     bounds = {"lower": [-1, -1], "upper": [1, 1]}
     problem = from_state_space(
@@ -57,12 +73,8 @@ def test_further_blocks_are_given_as_in_a_file() -> None:
     ("system", "line"),
     [
         (
-            scipy.signal.StateSpace(A, B, C, D, dt=0.1),
-            "system must be continuous in time; its time step dt is 0.1.",
-        ),
-        (
             SimpleNamespace(A=A, B=B, C=C, D=D, dt=True),
-            "system must be continuous in time; its time step dt is True.",
+            "system is in discrete time and does not state its step (dt is True); give it as dt=.",
         ),
         (
             scipy.signal.StateSpace(A, B, C, [[1.0]]),

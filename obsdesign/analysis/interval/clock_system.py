@@ -1,7 +1,8 @@
 """Width maps of an interval observer for several clocks, exact, and what its clocks promise.
 
-w = upper - lower: w' <= W w + f, W = Mz(A), between rows; at an event w+ <= |G| w + h, or what its
-correction makes of it; at a sample the least of w, |I - L C| w + 2 |L| V and of the strips.
+w = upper - lower: w' <= W w + f, W = Mz(A), between rows, in discrete time w+ <= |A| w + f; at an
+event w+ <= |G| w + h, or what its correction makes of it; at a sample the least of w,
+|I - L C| w + 2 |L| V and of the strips.
 """
 
 from __future__ import annotations
@@ -100,6 +101,22 @@ class ClockSystem:
         after = [k for k in read if self.gains.sensors[k].sees == "after"]
         stages = [self.sampled(k) for k in before]
         return (*stages, self._jump(event, own, before), *(self.sampled(k) for k in after))
+
+    def turn(self, sensors: Sequence[int], events: Sequence[int]) -> tuple[Least, ...]:
+        """What a step of discrete time makes of it: its map, samples, events, samples after them.
+
+        sensors: those that are read on clocks of their own, in order; a gain acts at the first
+        event alone.
+        """
+        step = Least(((abs(exact(self.gains.A)), self.f),))
+        names = {self.gains.events[k].name for k in events}
+        read = [k for k, x in enumerate(self.gains.sensors) if k in sensors or x.event in names]
+        after = [k for k in read if events and self.gains.sensors[k].sees == "after"]
+        before = [k for k in read if k not in after]
+        stages = [step, *(self.sampled(k) for k in before)]
+        for place, event in enumerate(events):
+            stages.append(self._jump(event, self.gains.events[event], [] if place else before))
+        return (*stages, *(self.sampled(k) for k in after))
 
     def _jump(self, event: int, own: EventGains, before: Sequence[int]) -> Least:
         lower, upper = image_box(*own.disturbance)

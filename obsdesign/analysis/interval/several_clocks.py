@@ -8,6 +8,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from obsdesign.analysis.interval.requirements import large_gain, reason_against_plant
+from obsdesign.problem.named_gains import words_for_turns
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -22,18 +23,19 @@ def reason_against_clocks(problem: Problem) -> str | None:
     reason = reason_against_plant(plant) or problem.reason_without_noise_bound()
     if reason is not None:
         return reason
+    when = words_for_turns(plant)
     for name in options.to_document():
         if name not in _KEPT:
-            return f"observer.{name} is not available for kind 'interval' with several clocks."
+            return f"observer.{name} is not available for kind 'interval' {when}."
     if options.form not in ("auto", "split"):
         return (
-            f"observer.form must be split with several clocks: bounds are in the plant's own "
+            f"observer.form must be split {when}: bounds are in the plant's own "
             f"coordinates; got {options.form!r}."
         )
     if options.objective == "shortest_dwell":
         return (
-            "observer.objective = 'shortest_dwell' is not available with several clocks; it must "
-            "be feasible or narrowest."
+            f"observer.objective = 'shortest_dwell' is not available {when}; it must be feasible "
+            "or narrowest."
         )
     for entry, gain in problem.gains.items():
         if large := large_gain(gain, None, options.gain_limit):

@@ -84,6 +84,16 @@ def _flow_step(
     )  # fmt: skip
 
 
+def _counted_step(A: Array, columns: Array, radius: Array, count: int) -> StepMap:
+    """So many steps of discrete time: a piece of length zero for each."""
+    Phi, pieces = A, [columns]
+    for _ in range(count - 1):
+        pieces.append(A @ pieces[-1])
+        Phi = A @ Phi
+    F0 = np.hstack(pieces)
+    return StepMap(Phi, F0, F0 * 0, F0 * 0, F0 * 0, 0, np.tile(radius, count))
+
+
 def _jump_step(G: Array, columns: Array, radius: Array) -> StepMap:
     """A jump: a piece of length zero."""
     nothing = columns * 0
@@ -145,6 +155,8 @@ class NominalMaps:
         if step.jump:
             return _jump_step(cast(gains.jump_matrix), *self._disturbance(gains.jump_disturbance))
         columns, radius = self._disturbance(gains.flow_disturbance)
+        if gains.dt is not None:
+            return _counted_step(cast(gains.A), columns, radius, round(step.h / gains.dt))
         maps = [
             _flow_step(cast(gains.A), columns, radius, step.h, pieces=count, numbers=self.numbers)
             for count in pieces(step.h)

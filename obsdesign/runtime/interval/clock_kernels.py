@@ -1,9 +1,10 @@
 """Kernels of an interval observer for several clocks: of a step, of a sample, of an event.
 
 The box lives in the plant's own coordinates. A step multiplies its radius by e^{W h}, W = Mz(A),
-the comparison system of which the widths are claimed: two steps are then one step of their sum, so
-that a row without measurements adds rounding alone, and of two records the one with more samples
-has the smaller boxes. Bounds of b and v are inputs of the kernels: rows may narrow them.
+in discrete time by |A|^k, the comparison system of which the widths are claimed: two steps are then
+one step of their sum, so that a row without measurements adds rounding alone, and of two records
+the one with more samples has the smaller boxes. Bounds of b and v are inputs of the kernels: rows
+may narrow them.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.kernel_rows import Cuts, kernel
 from obsdesign.runtime.interval.maps import BoxMap, driven, identity_map
 from obsdesign.runtime.interval.model import Model, exactly, metzler_bound, size
-from obsdesign.runtime.step_cache import shared_step
+from obsdesign.runtime.step_cache import cached_step, shared_step
+from obsdesign.runtime.time_grid import power_and_sum
 
 
 class ClockKernels:
@@ -33,6 +35,7 @@ class ClockKernels:
     def __init__(self, gains: ClockedIntervalGains) -> None:
         self.gains = gains
         self._steps: OrderedDict[tuple[float, int], Kernel] = OrderedDict()
+        self._counts: OrderedDict[int, Kernel] = OrderedDict()
         self._samples: dict[tuple[int, bytes], Kernel] = {}
         self._events: dict[tuple[int, bool], Kernel] = {}
 
@@ -43,6 +46,11 @@ class ClockKernels:
         """
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
             return shared_step(self._steps, h, size_of_t, self._of_step)
+
+    def steps(self, count: int) -> Kernel:
+        """Of so many steps of discrete time; inputs as of `step`."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return cached_step(self._counts, count, self._of_steps)
 
     def sample(self, sensor: int, there: Matrix) -> Kernel:
         """Of a sample of a sensor of which these outputs are there; inputs: radii of the noise."""
@@ -80,7 +88,20 @@ class ClockKernels:
         model, n = self._model, self.gains.n
         Phi, known = driven(model.A, model.inputs, h, error)
         growth, added = driven(exactly(model.width), exactly(np.eye(n)), h, error)
-        R, spread = (np.maximum(X.upper, 0.0) for X in (growth, added))
+        return self._of_flow(Phi, known, (growth, added))
+
+    def _of_steps(self, count: int) -> Kernel:
+        model = self._model
+        Phi, total = power_and_sum(model.A, count)
+        widths = power_and_sum(exactly(np.abs(self.gains.A)), count)
+        return self._of_flow(Phi, total @ model.inputs, widths)
+
+    def _of_flow(
+        self, Phi: Enclosure, known: Enclosure, widths: tuple[Enclosure, Enclosure]
+    ) -> Kernel:
+        """widths: maps of the radius of the box, and of that of b."""
+        model, n = self._model, self.gains.n
+        R, spread = (np.maximum(X.upper, 0.0) for X in widths)
         X = _hstack(Phi, known, _error(spread), _zeros(n, 1))
         return kernel(model, BoxMap(X, R, np.zeros(n)), np.zeros((0, n)), Cuts())
 

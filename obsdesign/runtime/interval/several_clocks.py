@@ -29,6 +29,7 @@ from obsdesign.runtime.named_clocks import Kept, NamedClocks
 from obsdesign.runtime.silent_sensors import SilentSensors
 from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, MeasuredRow, Past, StackedBox
 from obsdesign.runtime.status import with_reasons
+from obsdesign.runtime.time_grid import steps_between
 
 
 class ClockedState(NamedTuple):
@@ -157,9 +158,12 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
 
     def _moved(self, state: ClockedState, t: float) -> _Cut:
         """The box after the flow up to t."""
-        if t == state.t:
+        h, dt = t - state.t, self.gains.dt
+        count = 0 if dt is None else steps_between(state.t, t, dt)
+        if h == 0.0 or (dt is not None and count == 0):
             return _Cut(state.box)
-        k = self._kernels.step(t - state.t, max(abs(t), abs(state.t)))
+        size = max(abs(t), abs(state.t))
+        k = self._kernels.step(h, size) if dt is None else self._kernels.steps(count)
         v = k.vector(state.box, None, None, np.concatenate([state.u, *midpoint(*state.held)]))
         return _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
 
@@ -244,7 +248,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
 
     @cached_property
     def _clocks(self) -> NamedClocks:
-        return NamedClocks(self.gains.events, self.gains.sensors)
+        return NamedClocks(self.gains.events, self.gains.sensors, self.gains.dt)
 
     @cached_property
     def _silent(self) -> SilentSensors:

@@ -159,13 +159,15 @@ def _with_input(
 ) -> SetMembershipGains:
     """Gains for (x, d): the last outputs read 0 = d + v, with v between -upper and -lower."""
     (n, q), p = D.shape, gains.p
-    below = np.zeros((q, n))
+    # d' = r, in discrete time d(t + dt) = d + dt r
+    below, still = np.zeros((q, n)), np.zeros((q, q)) if gains.dt is None else np.eye(q)
+    rate = rate if gains.dt is None else np.nextafter(gains.dt * rate, np.inf)
     Bw, least, most = gains.declared_disturbance
     centre, radius = noise_box(np.column_stack([-upper, -lower]))
     own = np.zeros(p) if gains.noise_centre is None else gains.noise_centre
     directions = gains.directions
     return replace(
-        gains, A=np.block([[gains.A, D], [below, np.zeros((q, q))]]), C=_diagonal(gains.C, q),
+        gains, A=np.block([[gains.A, D], [below, still]]), C=_diagonal(gains.C, q),
         B=None if gains.B is None else _zeros_below(gains.B, q),
         noise_bound=np.concatenate([gains.noise_bound, radius]),
         noise_centre=np.concatenate([own, np.zeros(q) if centre is None else centre]),

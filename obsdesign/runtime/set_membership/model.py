@@ -42,7 +42,10 @@ class JumpModel:
 
 @dataclass(frozen=True)
 class Model:
-    """Matrices in z; scales (n,): z = scales * x. inputs: B; jumps: of every event."""
+    """Matrices in z; scales (n,): z = scales * x. inputs: B; jumps: of every event.
+
+    dt: step of discrete time, None for a flow.
+    """
 
     scales: Matrix
     A: Matrix
@@ -50,6 +53,7 @@ class Model:
     inputs: Matrix
     flow: Disturbance
     jumps: tuple[JumpModel, ...]
+    dt: float | None = None
 
     @property
     def n(self) -> int:
@@ -82,6 +86,7 @@ def _scaled(gains: SetMembershipGains, scales: Matrix) -> Model:
             )
             for event in gains.every_event
         ),
+        dt=gains.dt,
     )  # fmt: skip
 
 

@@ -38,6 +38,7 @@ from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
 from obsdesign.runtime.status import with_reasons
+from obsdesign.runtime.time_grid import steps_between
 
 
 class _Row(NamedTuple):
@@ -222,6 +223,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         self, state: SetMembershipState, sample: Sample, t: float, y: Matrix | None
     ) -> Stage:
         h, size = t - state.t, max(abs(t), abs(state.t))
+        if self.gains.dt is not None:
+            h = self.gains.dt * steps_between(state.t, t, self.gains.dt)
         table = self._tables.for_step(h, size)
         known, radius = self._disturbed(self._model.flow, state.u, state.held)
         return Stage(

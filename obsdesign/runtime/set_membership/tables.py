@@ -18,9 +18,10 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, powers, raised
+from obsdesign.runtime.set_membership.counted_steps import counted_step
 from obsdesign.runtime.set_membership.model import JumpModel, Model
 from obsdesign.runtime.set_membership.series import FlowSeries
-from obsdesign.runtime.step_cache import shared_step
+from obsdesign.runtime.step_cache import cached_step, shared_step
 
 # ||A|| times the length of a piece, roughly: its square is the error of the support function
 _PIECE = 0.25
@@ -71,10 +72,18 @@ class Tables:
         self._model = model
         self._series = FlowSeries(model.A)
         self._steps: OrderedDict[tuple[float, int], Table] = OrderedDict()
+        self._counts: OrderedDict[int, Table] = OrderedDict()
         self._recent: dict[tuple[float, int], Table] = {}
 
     def for_step(self, h: float, size: float) -> Table:
-        """The table of a step of about h >= 0 between time stamps of magnitude `size`."""
+        """The table of a step of about h >= 0 between time stamps of magnitude `size`.
+
+        In discrete time of as many steps as there are in h, whatever the stamps.
+        """
+        if self._model.dt is not None:
+            count = round(h / self._model.dt)
+            with np.errstate(over="ignore", invalid="ignore"):
+                return cached_step(self._counts, count, self._counted)
         key = (h, math.frexp(size)[1])
         table = self._recent.get(key)
         if table is None:
@@ -100,6 +109,17 @@ class Tables:
             Enclosure.exactly(jump.G), forced, Enclosure(columns, np.zeros_like(columns)),
             sizes, length=0.0, generators=(columns[:, 0, 0, units], units, none),
         )  # fmt: skip
+
+    def _counted(self, count: int) -> Table:
+        """The table of so many steps of discrete time."""
+        if count == 0:
+            return self._zero_step
+        width, step = self._model.width, counted_step(self._model, count)
+        columns, (pieces, n, r) = step.columns(width), step.pieces.mid.shape
+        sizes = np.zeros((n, 2, pieces, width))
+        sizes[:, 1] = columns.magnitude[:, 0]
+        generators = (step.generators, np.tile(np.arange(r), pieces), np.zeros((n, r)))
+        return _table(step.Phi, step.forced, columns, sizes, length=0.0, generators=generators)
 
     @cached_property
     def _squares(self) -> Enclosure:

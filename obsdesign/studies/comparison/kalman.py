@@ -1,6 +1,7 @@
 """A Kalman filter for the plants of this package: the usual alternative, and nothing proved.
 
     x[k+1] = e^{Ah} x[k] + (int e^{As} ds) (B u[k] + b[k] + D d[k]),   d[k+1] = d[k] + noise
+             in discrete time A x[k] + B u[k] + b[k] + D d[k]
     x+     = G x- + E w + c (+ H g)                                     at jumps
     y      = C x + v
 
@@ -28,6 +29,10 @@ _LEAST_NOISE = 1e-6
 _ROUNDING = 2.0**-50
 # logarithms of the variances that are tried, and on how many rows at most
 _TRIED, _MOST_ROWS = np.arange(-6.0, 7.0), 1500
+
+
+# (of z, of u, what is added, its covariance)
+_Maps = tuple[Matrix, Matrix, Matrix, Matrix]
 
 
 @dataclass(frozen=True)
@@ -181,7 +186,7 @@ class _Steps:
         columns = flow.disturbance_columns
         self.middle = columns @ (flow.lower + flow.upper) / 2
         self.covariance = _covariance(columns, flow.lower, flow.upper)
-        self.cache: dict[float, tuple[Matrix, Matrix, Matrix, Matrix]] = {}
+        self.cache: dict[float, _Maps] = {}
 
     def flow(self, now: _Moments, h: float, u: Matrix) -> _Moments:
         """Over h units of time with u held."""
@@ -191,7 +196,25 @@ class _Steps:
         move, known, drift, Q = self.cache[key]
         return _Moments(move @ now.z + known @ u + drift, move @ now.P @ move.T + Q)
 
-    def _matrices(self, h: float) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    def _matrices(self, h: float) -> _Maps:
+        dt = self.plant.flow.dt
+        return self._of_flow(h) if dt is None else self._of_steps(round(h / dt), dt)
+
+    def _of_steps(self, count: int, dt: float) -> _Maps:
+        """Of so many steps of discrete time."""
+        n, q = self.D.shape
+        once = np.eye(n + q)
+        once[:n] = np.hstack([self.plant.flow.A, self.D])
+        inputs = np.pad(self.B, ((0, q), (0, 0)))
+        own, added = np.pad(self.middle, (0, q)), np.pad(self.covariance, (0, q))
+        added[n:, n:] = dt * self.walk * np.eye(q)
+        move, known, drift, Q = np.eye(n + q), 0.0 * inputs, 0.0 * own, 0.0 * added
+        for _ in range(count):
+            move, known, drift = once @ move, once @ known + inputs, once @ drift + own
+            Q = once @ Q @ once.T + added
+        return move, known, drift, Q
+
+    def _of_flow(self, h: float) -> _Maps:
         n, q = self.D.shape
         inputs = np.hstack([self.D, self.B, np.eye(n)])
         block = np.zeros((n + inputs.shape[1],) * 2)

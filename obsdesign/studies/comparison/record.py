@@ -85,7 +85,7 @@ class ComparisonRecord:
         modes = tuple(mode.name for mode in plant.modes)
         layout = Layout(
             plant.p, u, w, announced, clocks=clocks, may_repeat=not plant.has_one_clock,
-            modes=modes,
+            modes=modes, dt=flow.dt,
         )  # fmt: skip
         with open(path, encoding="utf-8", newline="") as stream:
             samples = tuple(read_samples(stream, layout, path))

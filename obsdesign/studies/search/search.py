@@ -14,7 +14,7 @@ from obsdesign import workflow
 from obsdesign.errors import InputError
 from obsdesign.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.several_clocks import require_no_modes
+from obsdesign.problem.several_clocks import require_known_time, require_no_modes
 from obsdesign.studies.search.dwell_time import search_dwell_time
 from obsdesign.studies.search.period import search_period
 from obsdesign.studies.search.result import SearchResult
@@ -88,6 +88,7 @@ def require_search(
     if of is not None and not modes:
         raise InputError(f"--of names a mode; the plant has none; got {of!r}.")
     require_no_modes(modes, kind)
+    require_known_time(problem.plant.flow.dt, kind)
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
     if kind == "finite_time" and what in PERIOD_SEARCHES:
@@ -97,6 +98,8 @@ def require_search(
     if modes:
         require_accuracy(accuracy)
         return
+    if problem.plant.flow.dt is not None:
+        raise InputError(f"--for {what} is not available with flow.dt in this version.")
     if not problem.plant.has_one_clock:
         raise InputError(f"--for {what} is not available with several clocks.")
     if problem.plant.output.measured == "periodic":

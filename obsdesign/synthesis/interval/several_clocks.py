@@ -22,6 +22,7 @@ from obsdesign.analysis.interval.several_clocks import (
 )
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.problem.named_gains import words_for_turns
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.output import stacked
 from obsdesign.problem.plant import Jump, Output
@@ -32,6 +33,8 @@ from obsdesign.synthesis.interval.event_tubes import event_certificates
 from obsdesign.synthesis.kind import candidates_of
 
 LABEL = "split"
+# of the largest noise of a sensor's outputs: what is free of noise has that much
+_LEAST_NOISE = 1e-6
 
 
 def clocked_candidate(
@@ -39,7 +42,9 @@ def clocked_candidate(
 ) -> Candidate:
     """The observer of a problem with several clocks; DoesNotApply where none can be built."""
     if constraints is not None:
-        raise InputError("constraints on open gains are not available with several clocks.")
+        raise InputError(
+            f"constraints on open gains are not available {words_for_turns(problem.plant)}."
+        )
     problem.require_noise_bound()
     if reason := reason_against_clocks(problem):
         raise DoesNotApply(reason)
@@ -61,7 +66,12 @@ def clocked_candidate(
 
 
 def _at_samples(problem: Problem, sensor: Output, budget: TimeBudget) -> tuple[Array, Solvers]:
-    """The gain of a sensor as the only one, read every longest gap, without events."""
+    """The gain of a sensor as the only one, read every longest gap, without events.
+
+    In discrete time that of least squares: what its outputs determine is theirs.
+    """
+    if problem.plant.flow.dt is not None:
+        return _least_squares(sensor), ()
     if not 0.0 < sensor.gap < math.inf:
         return np.zeros(sensor.C.shape[::-1]), ()
     output = _output([sensor], "periodic", sensor.gap)
@@ -76,7 +86,8 @@ def _at_event(problem: Problem, event: Jump, budget: TimeBudget) -> tuple[Array,
     plant = problem.plant
     M = np.zeros((plant.n, plant.p))
     read = [x for x in plant.sensors if x.event == event.name and x.jump_measurement == "before"]
-    if not read or event.dwell_time is None:
+    # in discrete time the sample before the event does what a gain could
+    if not read or event.dwell_time is None or plant.flow.dt is not None:
         return M, ()
     jump = Jump(
         G=event.G, E=event.E, lower=event.lower, upper=event.upper, dwell_time=event.dwell_time,
@@ -87,6 +98,14 @@ def _at_event(problem: Problem, event: Jump, budget: TimeBudget) -> tuple[Array,
     columns = [columns for entry, columns in sensor_columns(plant) if entry in names]
     M[:, np.concatenate([np.arange(plant.p)[one] for one in columns])] = own
     return M, solvers
+
+
+def _least_squares(sensor: Output) -> Array:
+    """The pseudoinverse of C, rows in units of their noise, (n, p)."""
+    radius = sensor.noise_radius
+    V = np.ones(len(sensor.C)) if radius is None else radius
+    rows = np.maximum(V, _LEAST_NOISE * (V.max() or 1.0))
+    return np.asarray(np.linalg.pinv(sensor.C / rows[:, None]) / rows)
 
 
 def _output(sensors: Sequence[Output], measured: str, period: float | None) -> Output:

@@ -41,6 +41,7 @@ from obsdesign.synthesis.given_gains import (
     refuse_unusable,
     refuse_vain_constraints,
 )
+from obsdesign.synthesis.luenberger.discrete_time import step_candidates
 from obsdesign.synthesis.luenberger.flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
@@ -61,6 +62,11 @@ def synthesize_constrained(
     constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn. InputError for what
     cannot be built at all.
     """
+    if problem.plant.flow.dt is not None:
+        if constraints is not None:
+            raise InputError("constraints on open gains are not available with flow.dt.")
+        yield from step_candidates(problem, budget)
+        return
     refuse_unusable(problem)
     check_schedule(problem)
     options = problem.options_as(LuenbergerOptions)

@@ -127,7 +127,8 @@ def _gains(problem: Problem, window: int) -> SetMembershipGains:
 def _decay(problem: Problem, budget: TimeBudget) -> dict[str, NewEntries]:
     """A certificate that the part which no sample sees contracts over the dwell times."""
     hidden, events = unobservable_part(problem.plant), problem.plant.events
-    if hidden is None or len(events) != 1 or events[0].dwell_time is None:
+    is_flow = problem.plant.flow.dt is None
+    if hidden is None or len(events) != 1 or events[0].dwell_time is None or not is_flow:
         return {}
     low, high = problem.require_dwell_time()
     F, H = hidden.maps

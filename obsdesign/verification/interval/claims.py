@@ -78,7 +78,7 @@ def claims(
     where one was found; they are checked.
     """
     del budget  # proofs end by their number of boxes
-    if not problem.plant.has_one_clock:
+    if problem.plant.acts_in_turns:
         return clocked_claims(problem, stored, certificates)
     agreement, gains = consistent_gains(
         _reason_against(problem), stored, expected_gains(problem, stored),

@@ -27,8 +27,8 @@ _ENCLOSURE = (
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those that were required and not proved."""
     plant = problem.plant
-    if not plant.has_one_clock:
-        return clocked_guarantees(claims)
+    if plant.acts_in_turns:
+        return clocked_guarantees(problem, claims)
     verdicts = {claim.id: claim.verdict for claim in claims}
     enclosing = _present(verdicts, ("consistent", "flow_positive", "jump_positive"))
     at_jumps = plant.output.measured == "at_jumps"
@@ -77,7 +77,7 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
 
 def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
     """Sensor strip and proved width of each state, of a plant with several clocks."""
-    return () if problem.plant.has_one_clock else clocked_states(problem, claims)
+    return clocked_states(problem, claims) if problem.plant.acts_in_turns else ()
 
 
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:

@@ -26,6 +26,7 @@ from obsdesign.equations.clocks import clock_data
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
+from obsdesign.verification.interval.discrete_time import NO_GRAPH, step_claims
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from obsdesign.verification.state_widths import StateWidths, sensor_strips
@@ -100,6 +101,8 @@ def clocked_claims(
     agreement, gains = consistent_gains(
         reason, stored, expected, ClockedIntervalGains.from_document
     )
+    if gains is not None and gains.dt is not None:
+        return (agreement, *step_claims(ClockSystem(gains), certificates))
     if gains is None or len(gains.events) > 1:
         return (agreement,)
     system, clocks = ClockSystem(gains), _EVENTS if gains.events else _CLOCKS
@@ -193,12 +196,13 @@ def reason_without_tube(system: ClockSystem) -> str:
     return "; ".join(sentences)
 
 
-def clocked_guarantees(claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
+def clocked_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     given = [Guarantee.from_verdicts(x, ["consistent"], verdicts) for x in (_ENCLOSURE, _MONOTONE)]
     if "event_stability" not in verdicts:
-        return (*given, Guarantee.not_proved(_NO_WIDTH))
+        is_discrete = problem.plant.flow.dt is not None
+        return (*given, Guarantee.not_proved(NO_GRAPH if is_discrete else _NO_WIDTH))
     bounded = (
         "For all times of events and samples that the stated clocks allow, the width of the bounds "
         "stays bounded, and without disturbance and noise it tends to zero."

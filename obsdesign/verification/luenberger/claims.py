@@ -41,6 +41,7 @@ from obsdesign.verification.gain_constraints import (
     within_structure,
     witness_within_structure,
 )
+from obsdesign.verification.luenberger.discrete_time import step_claims
 from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
 from obsdesign.verification.rates import rates_claim
 
@@ -61,6 +62,8 @@ def claims(
     "decay_rate": {"P": n x n}} or windows in place of P; all are checked.
     """
     del budget  # proofs end by their number of boxes
+    if problem.plant.flow.dt is not None:
+        return step_claims(problem, stored, certificates, paranoid)
     objection = reason_against_problem(problem) or reason_against_borders(problem, stored)
     agreement, gains = consistent_gains(
         objection, stored, _expected(problem), LuenbergerGains.from_document

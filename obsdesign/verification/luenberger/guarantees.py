@@ -9,12 +9,15 @@ from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import IDS, constraint_sentences
+from obsdesign.verification.luenberger.discrete_time import step_guarantees
 from obsdesign.verification.rates import rates_sentence
 
 
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those of the problem that are not proved."""
     plant = problem.plant
+    if plant.flow.dt is not None:
+        return step_guarantees(problem, claims)
     verdicts = {claim.id: claim.verdict for claim in claims}
     own = (stated_poles.ID, stated_weights.ID, *IDS)
     needed = [name for name in verdicts if name not in ("decay_rate", "rates", *own)]

@@ -11,9 +11,7 @@ import math
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, NewEntries
-from lmi.arithmetic.balls import (
-    to_float,
-)
+from lmi.arithmetic.balls import Exact, to_float
 from lmi.arithmetic.exponential import expm
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -27,6 +25,7 @@ from obsdesign.analysis.set_membership.requirements import (
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.set_membership.pattern import Pattern
+from obsdesign.equations.time_grid import steps_of
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability
 
@@ -68,6 +67,8 @@ def _contracts(
     problem: Problem, hidden: HiddenPart, certificate: Entries, paranoid: bool
 ) -> Verdict:  # fmt: skip
     """Does a part that no sample sees contract along the flow, and jumps if there are any?"""
+    if problem.plant.flow.dt is not None:
+        return _contracts_in_steps(problem, hidden, paranoid)
     dwell, plant = _dwell(problem), problem.plant
     G = None if plant.jump is None else plant.jump.G
     witness = not_detectable(plant.flow.A, G, sampled_matrix(plant), (dwell.low, dwell.high))
@@ -82,10 +83,44 @@ def _contracts(
     return Verdict(verdict.outcome, {**verdict.evidence, "dimension": hidden.basis.shape[1]})
 
 
-def _with_direction(witness: Entries, hidden: HiddenPart) -> NewEntries:
-    """The witness with a direction of the state that does not contract; true of all windows."""
+def _contracts_in_steps(problem: Problem, hidden: HiddenPart, paranoid: bool) -> Verdict:
+    """The same in discrete time, for one time between jumps."""
+    plant = problem.plant
+    step, jump, dt = hidden.maps[0], plant.jump, plant.flow.dt
+    assert dt is not None
+    cycle = step
+    if jump is not None:
+        low, high = jump.dwell_time or (0.0, math.inf)
+        if low != high:
+            return undecided("whether it contracts is decided for one time between jumps alone")
+        for _ in range((steps_of(low, dt) or 1) - 1):
+            cycle = cycle @ step
+        cycle = hidden.maps[1] @ cycle
+    verdict = dwell_stability(cycle * 0, cycle, Dwell(1.0, 1.0), {}, paranoid)
+    if verdict.outcome != "refuted":
+        return verdict
+    each = "step" if jump is None else "jump"
+    radius = verdict.witness.get("spectral_radius", 1.0)
+    reason = (
+        f"no observer exists: a part of the state that no output sees lasts from {each} to {each}, "
+        f"by a factor of {radius:.6g}"
+    )
+    witness = {"spectral_radius": radius, "reason": reason}
+    return refuted(_with_direction(witness, hidden, cycle))
+
+
+def _with_direction(
+    witness: Entries, hidden: HiddenPart, cycle: Exact | None = None
+) -> NewEntries:  # fmt: skip
+    """The witness with a direction of the state that does not contract; true of all windows.
+
+    cycle: the map of discrete time that does not contract, None for a flow.
+    """
     F, H = (to_float(X) for X in (hidden.maps[0], hidden.maps[-1]))
-    if isinstance(theta := witness.get("theta"), float):
+    if cycle is not None:
+        values, vectors = np.linalg.eig(to_float(cycle))
+        worst = vectors[:, np.abs(values).argmax()]
+    elif isinstance(theta := witness.get("theta"), float):
         values, vectors = np.linalg.eig(expm(F * theta) @ H)
         worst = vectors[:, np.abs(values).argmax()]
     else:

@@ -1,0 +1,106 @@
+"""The error of a point observer in discrete time, over all times that its clocks allow.
+
+    e+ = (I - L C) A^N e     from sample to sample, N steps apart, without events
+    e+ = H A F^(k-1) e       from event to event, k steps apart, with F = (I - L C) A, a sample in
+                             every step; F = A where y is known at events alone
+
+Ages are whole numbers: a node of the graph for every number of steps since the event.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lmi.arithmetic.balls import Exact, exact
+from lmi.modes import Modes
+from obsdesign.equations.estimation_error import jump_error_matrix
+from obsdesign.equations.luenberger.gains import StepGains
+from obsdesign.equations.time_grid import steps_of
+from obsdesign.problem.problem import Problem
+
+# steps between two events that a proof follows one by one
+MOST_AGES = 60
+_OPTIONS = ("decay_rate",)
+
+
+def reason_against_steps(problem: Problem) -> str | None:
+    """Reason against a point observer for a problem in discrete time, one sentence, or None."""
+    plant = problem.plant
+    output, jump, dt = plant.output, plant.jump, plant.flow.dt
+    assert dt is not None
+    for name in problem.options.to_document():
+        if name not in _OPTIONS:
+            return f"observer.{name} is not available with flow.dt; {', '.join(_OPTIONS)} is."
+    if jump is None:
+        return None
+    if reason := problem.reason_without("jump.dwell_time"):
+        return reason
+    if output.period is not None and output.measured == "periodic" and output.period > 1.5 * dt:
+        entry = plant.stated("output.period")
+        return (
+            f"{entry} must be flow.dt = {dt:g} for kind 'luenberger' with events, or y is known "
+            f"at events alone; got {output.period:g}."
+        )
+    low, high = steps_between_events(problem)
+    if (low if math.isinf(high) else high) > MOST_AGES or low < 1:
+        entry = plant.stated("jump.dwell_time")
+        return f"{entry} must lie between 1 and {MOST_AGES} steps for kind 'luenberger'."
+    return None
+
+
+def steps_between_events(problem: Problem) -> tuple[int, float]:
+    """(fewest, most) steps between two events; the most may be infinite."""
+    dt = problem.plant.flow.dt
+    assert dt is not None
+    low, high = problem.require_dwell_time()
+    return steps_of(low, dt) or 0, math.inf if math.isinf(high) else float(steps_of(high, dt) or 0)
+
+
+def error_growth(problem: Problem, gains: StepGains, rate: float = 0.0) -> Exact | Modes:
+    """The map (n, n) from one sample, or event, to the next; the graph where there are many.
+
+    rate: growth by e^{rate dt} in every step, rounded up, is added to it.
+    """
+    unit, A = exact(np.eye(gains.n)), exact(gains.A)
+    L, M, C = exact(gains.L), exact(gains.M), exact(gains.C)
+    A = A * exact(_growth(rate * gains.step))
+    if gains.G is None:
+        whole = A
+        for _ in range(gains.period_steps - 1):
+            whole = whole @ A
+        return np.asarray((unit - L @ C) @ whole)
+    step = (unit - L @ C) @ A
+    event = jump_error_matrix(exact(gains.G), M, C, gains.jump_measurement) @ A
+    low, high = steps_between_events(problem)
+    if low == high:
+        for _ in range(low - 1):
+            event = event @ step
+        return np.asarray(event)
+    return _ages(step, event, low, high)
+
+
+def _ages(step: Exact, event: Exact, low: int, high: float) -> Modes:
+    """A node for each age of the event, entered by a step, and by an event for age zero."""
+    ages = low if math.isinf(high) else int(high)
+    following = []
+    for age in range(ages):
+        after = [0] if age + 1 >= low else []
+        if age + 1 < ages:
+            after.append(age + 1)
+        elif math.isinf(high):
+            after.append(age)
+        following.append(after)
+    names = ["event", *(f"{age} steps later" for age in range(1, ages))]
+    if ages == 1:  # a step without an event is entered in another way than the event
+        following, names = [[0, 1], [0, 1]], ["event", "no event"]
+    count = len(names)
+    zero = step * 0
+    maps = [event, *([step] * (count - 1))]
+    return Modes.from_flows([zero] * count, [(1.0, 1.0)] * count, following, maps, names)
+
+
+def _growth(exponent: float) -> float:
+    """A float at least e^x."""
+    return math.exp(exponent) * (1.0 + 2.0**-48) if exponent else 1.0

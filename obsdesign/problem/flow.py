@@ -1,0 +1,70 @@
+"""The flow of a plant between its jumps, or its step in discrete time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix, Value
+from obsdesign.entries import matrix, positive, real, size_text
+from obsdesign.equations.boxes import image_box
+from obsdesign.errors import InputError
+from obsdesign.problem.blocks import DISTURBANCE, DisturbedBlock, set_fields
+from obsdesign.problem.input_bounds import InputBounds
+from obsdesign.problem.schema import POSITIVE, file_entry, ref
+
+# what is left out: __post_init__ fills it in
+_DEFAULT: Value = None
+
+
+@dataclass(frozen=True, eq=False)
+class Flow(DisturbedBlock):
+    """The flow x' = A x + B u(t) + D d(t) + b(t), lower <= b(t) <= upper.
+
+    A (n, n); B (n, m): known input; D (n, q): unknown input; lower, upper (n,): zero by default.
+    With a disturbance_matrix Bw (n, k), b = Bw w(t) and lower, upper (k,) are bounds of w.
+    d_bounds: of d, None where there are none. dt: the step of a plant in discrete time,
+    x(t + dt) = A x + B u + D d + b, None for a flow. InputError where sizes do not agree, numbers
+    are not finite or bounds are crossed.
+    """
+
+    A: Matrix = file_entry(ref("matrix"), "n x n.")
+    B: Matrix | None = file_entry(ref("matrix"), "n x m, known input u.", default=None)
+    D: Matrix | None = file_entry(ref("matrix"), "n x q, unknown input d.", default=None)
+    lower: Matrix = file_entry(
+        ref("bounds"), DISTURBANCE.format("b(t)"), default=_DEFAULT, name="disturbance"
+    )
+    upper: Matrix = _DEFAULT
+    disturbance_matrix: Matrix | None = file_entry(
+        ref("matrix"), "n x k: b = Bw w, and disturbance bounds w.", default=None
+    )
+    d_bounds: InputBounds | None = file_entry(
+        ref("input_bounds"), "Bounds of d and, optional, of its rate of change.", default=None
+    )
+    dt: float | None = file_entry(
+        POSITIVE, "Step of a plant in discrete time, x(t + dt) = A x + B u + D d + b.", default=None
+    )
+
+    def __post_init__(self) -> None:
+        A = matrix(self.A, "flow.A")
+        n = A.shape[0]
+        if A.shape != (n, n):
+            raise InputError(f"flow.A must be square; got {size_text(A)}.")
+        names = ("B", "D", "disturbance_matrix")
+        set_fields(self, A=A, **self.matrices("flow", names, n, f"flow.A ({size_text(A)})"))
+        lower, upper = self.checked_bounds("flow", n)
+        set_fields(self, lower=lower, upper=upper)
+        if self.dt is not None:
+            set_fields(self, dt=positive(real(self.dt, "flow.dt"), "flow.dt"))
+        if self.d_bounds is not None:
+            set_fields(self, d_bounds=InputBounds.from_entry(self.d_bounds, self.D))
+
+    @property
+    def b_bounds(self) -> tuple[Matrix, Matrix]:
+        """(lower, upper) of b, (n,), D d included where d is bounded; rounded outward."""
+        if self.D is None or self.d_bounds is None:
+            return self.disturbance_box()
+        columns = np.hstack([self.disturbance_columns, self.D])
+        lower = np.concatenate([self.lower, self.d_bounds.lower])
+        return image_box(columns, lower, np.concatenate([self.upper, self.d_bounds.upper]))

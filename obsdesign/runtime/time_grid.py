@@ -1,0 +1,53 @@
+"""Steps of discrete time: their number between two stamps, and their maps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import Enclosure, raised
+from obsdesign.errors import InputError
+from obsdesign.runtime.time_stamps import time_tolerance
+
+
+def steps_between(start: float, end: float, dt: float) -> int:
+    """Number of steps between two stamps, start <= end; InputError unless it is whole.
+
+    Two stamps are compared with the tolerance of periods (`runtime.time_stamps`).
+    """
+    h = end - start
+    slack = time_tolerance(h, end)
+    if not slack < dt / 4:
+        raise InputError(f"time {end!r} is too coarse to count steps of flow.dt = {dt:g}.")
+    count = round(h / dt)
+    if abs(h - count * dt) > slack:
+        raise InputError(
+            f"time must be a multiple of flow.dt = {dt:g} after {start!r}; got {end!r}."
+        )
+    return count
+
+
+def power_and_sum(X: Enclosure, count: int) -> tuple[Enclosure, Enclosure]:
+    """X^k and I + X + ... + X^(k-1) for k >= 1, by doubling; exact for one step."""
+    power, total = X, Enclosure.exactly(np.eye(len(X.mid)))
+    for bit in bin(count)[3:]:
+        total = total + power @ total
+        power = power @ power
+        if bit == "1":
+            total, power = total + power, power @ X
+    return power, total
+
+
+def reach(X: Enclosure, count: int, entering: Matrix) -> Matrix:
+    """Upper bound of the sum of |X^i entering| over i < count, by doubling."""
+    size, terms = np.abs(entering), 4 * len(entering)
+    if count == 0:
+        return np.zeros_like(size)
+    power, total = X, size
+    for bit in bin(count)[3:]:
+        total = raised(total + power.magnitude @ total, terms)
+        power = power @ power
+        if bit == "1":
+            total = raised(total + power.magnitude @ size, terms)
+            power = power @ X
+    return total
