@@ -18,7 +18,6 @@ from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, exact
 from lmi.bounds.graph_tube import Least
 from obsdesign.equations.boxes import image_box
-from obsdesign.equations.clocks import EventGains
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.equations.interval.splits import metzler_split
 
@@ -61,16 +60,9 @@ class ClockSystem:
             if k not in self.counted and sensor.event is None
         )
 
-    @property
-    def usable(self) -> tuple[int, ...]:
-        """Those of the counted ones that are silent for no longer than between two events."""
-        shortest = self.dwell[0] if self.gains.events else math.inf
-        return tuple(k for k in self.counted if self.gains.sensors[k].gap <= shortest)
-
-    @property
-    def dwell(self) -> tuple[float, float]:
-        """(shortest, longest) time between two events of the first name."""
-        ends = self.gains.events[0].dwell_time
+    def dwell(self, event: int) -> tuple[float, float]:
+        """(shortest, longest) time between two events of a name."""
+        ends = self.gains.events[event].dwell_time
         return (0.0, math.inf) if ends is None else (float(ends[0]), float(ends[1]))
 
     def gap(self, sensor: int) -> Fraction:
@@ -92,24 +84,41 @@ class ClockSystem:
         C, L = self.gains.C[own], self.gains.L[:, own]
         return tuple(((C != 0).any(axis=0) | (L != 0).any(axis=1)).tolist())
 
-    def happened(self, event: int) -> tuple[Least, ...]:
-        """What an event makes of it: samples before it, its map, samples after it."""
-        own = self.gains.events[event]
-        read = [k for k, x in enumerate(self.gains.sensors) if x.event == own.name]
-        before = [k for k in read if self.gains.sensors[k].sees == "before"]
-        after = [k for k in read if self.gains.sensors[k].sees == "after"]
-        stages = [self.sampled(k) for k in before]
-        return (*stages, self._jump(event, own, before), *(self.sampled(k) for k in after))
+    def is_read(self, event: int) -> bool:
+        """Is a sensor read at an event alone?"""
+        return any(x.event == self.gains.events[event].name for x in self.gains.sensors)
 
-    def _jump(self, event: int, own: EventGains, before: Sequence[int]) -> Least:
+    def counts(self, event: int) -> bool:
+        """Does an event matter for stability: may it widen or narrow, or happen without end?
+
+        One that does not may as well not happen: without what it adds no width is the larger for
+        it, and what it adds is bounded in every time.
+        """
+        size = abs(self.gains.events[event].G)
+        may_widen = bool((size > np.eye(len(size))).any())
+        return may_widen or self.is_read(event) or self.dwell(event)[0] == 0.0
+
+    def happened(self, events: Sequence[int]) -> tuple[Least, ...]:
+        """What events of a row make of it: samples before them, their maps, samples after them.
+
+        A correction is that of the first event: the others no longer have the state that was seen.
+        """
+        names = [self.gains.events[e].name for e in events]
+        read = [k for k, x in enumerate(self.gains.sensors) if x.event in names]
+        stages = [self.sampled(k) for k in read if self.gains.sensors[k].sees == "before"]
+        stages += [self._jump(e, is_corrected=not k) for k, e in enumerate(events)]
+        return (*stages, *(self.sampled(k) for k in read if self.gains.sensors[k].sees == "after"))
+
+    def _jump(self, event: int, *, is_corrected: bool) -> Least:
+        own = self.gains.events[event]
         lower, upper = image_box(*own.disturbance)
         G, h = exact(own.G), exact(upper) - exact(lower)
         M, C = self.gains.event_gains[event], exact(self.gains.C)
         read = np.zeros(self.gains.p, dtype=bool)
-        for k in before:
-            read[self.gains.outputs[k]] = True
+        for sensor, outputs in zip(self.gains.sensors, self.gains.outputs, strict=True):
+            read[outputs] = sensor.event == own.name and sensor.sees == "before"
         maps = [(abs(G), h)]
-        if M.any() and not M[:, ~read].any():
+        if is_corrected and M.any() and not M[:, ~read].any():
             noise = abs(exact(M)) @ exact(self.gains.noise_bound) * 2
             maps.append((abs(G - exact(M) @ C), h + noise))
         return Least(tuple(maps))
