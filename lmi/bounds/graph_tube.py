@@ -138,16 +138,6 @@ class FloatGraph:
         ]
         self._grids: dict[tuple[float, float, tuple[bool, ...] | None], Grid] = {}
 
-    def start(self, passage: Passage, v: Matrix) -> Matrix:
-        """What the flow of a passage starts from, (n,)."""
-        start: Matrix = v[passage.source]
-        for stage in () if passage.event is None else self.events[passage.event]:
-            start = np.min([N @ start + k for N, k in stage], axis=0)
-        if passage.held is None:
-            return start
-        kept: Matrix = np.where(passage.held, v[list(passage.through)].max(axis=0), start)
-        return kept
-
     def grid(self, passage: Passage) -> Grid:
         """Flows at the times of a passage."""
         key = (passage.low, passage.high, passage.held)
@@ -167,26 +157,51 @@ class FloatGraph:
         whole = expm(Z * np.linspace(low, high, count)[:, None, None])
         return Grid(whole[:, :n, :n], whole[:, :n, n])
 
-    def largest(self, passage: Passage, v: Matrix) -> Matrix:
-        """The largest u of a passage, (n,); infinite where it bounds nothing."""
-        grid, unbounded = self.grid(passage), passage.unbounded
-        u = (grid.flows @ self.start(passage, v) + grid.pushes).max(axis=0)
-        return u if unbounded is None else np.where(unbounded, np.inf, u)
-
-    def values(self, node: int, v: Matrix) -> list[Matrix]:
-        """Of each strategy of a node: what each of its passages leads to, (passages, n)."""
-        return [
-            np.array([self.largest(passage, v) for passage in strategy])
-            for strategy in self.graph.nodes[node]
-        ]
-
-    def bounds(self, node: int, v: Matrix) -> Matrix:
-        """Bound of each strategy of a node, (strategies, n)."""
-        return np.array([values.max(axis=0) for values in self.values(node, v)])
-
     def image(self, v: Matrix) -> Matrix:
         """What all nodes make of v, (nodes, n)."""
-        return np.array([self.bounds(x, v).min(axis=0) for x in range(len(v))])
+        values = Values(self, v)
+        return np.array([values.bounds(node).min(axis=0) for node in range(len(v))])
+
+
+class Values:
+    """What the passages of a graph lead to from v (nodes, n)."""
+
+    def __init__(self, floats: FloatGraph, v: Matrix) -> None:
+        self.floats, self.v = floats, v
+        self._after: dict[tuple[int, int | None], Matrix] = {}
+
+    def start(self, passage: Passage) -> Matrix:
+        """What the flow of a passage starts from, (n,)."""
+        key = (passage.source, passage.event)
+        if key not in self._after:
+            start: Matrix = self.v[passage.source]
+            for stage in () if passage.event is None else self.floats.events[passage.event]:
+                start = np.min([N @ start + k for N, k in stage], axis=0)
+            self._after[key] = start
+        if passage.held is None:
+            return self._after[key]
+        largest = self.v[list(passage.through)].max(axis=0)
+        kept: Matrix = np.where(passage.held, largest, self._after[key])
+        return kept
+
+    def largest(self, passage: Passage) -> Matrix:
+        """The largest u of a passage, (n,); infinite where it bounds nothing."""
+        unbounded, u = passage.unbounded, self.start(passage)
+        if passage.high > 0.0:
+            grid = self.floats.grid(passage)
+            u = (grid.flows @ u + grid.pushes).max(axis=0)
+        return u if unbounded is None else np.where(unbounded, np.inf, u)
+
+    def of_strategies(self, node: int) -> list[Matrix]:
+        """Of each strategy of a node: what each of its passages leads to, (passages, n)."""
+        return [
+            np.array([self.largest(passage) for passage in strategy])
+            for strategy in self.floats.graph.nodes[node]
+        ]
+
+    def bounds(self, node: int) -> Matrix:
+        """Bound of each strategy of a node, (strategies, n)."""
+        return np.array([values.max(axis=0) for values in self.of_strategies(node)])
 
 
 def prove_graph(graph: Graph, values: Sequence[Sequence[float]]) -> Verdict:
@@ -198,10 +213,10 @@ def prove_graph(graph: Graph, values: Sequence[Sequence[float]]) -> Verdict:
         return undecided("the tube is not positive")
     if not all(strategy for strategies in graph.nodes for strategy in strategies):
         return undecided("a strategy without passages bounds nothing")
-    exact_v, steps, count = exact(v), 0, 0
+    exact_v, floats, steps, count = exact(v), Values(graph.floats, v), 0, 0
     for node, strategies in enumerate(graph.nodes):
         with np.errstate(all="ignore"):
-            chosen = np.argmin(graph.floats.bounds(node, v), axis=0)
+            chosen = np.argmin(floats.bounds(node), axis=0)
         for place in np.unique(chosen):
             for passage in strategies[int(place)]:
                 verdict = _below(graph, passage, exact_v, node, chosen == place)

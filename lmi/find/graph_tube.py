@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
-from lmi.bounds.graph_tube import FloatGraph, Graph, Passage
+from lmi.bounds.graph_tube import FloatGraph, Graph, Passage, Values
 from lmi.time_budget import UNLIMITED, TimeBudget
 
 # relative room above the image of the tube, least first: a proof needs some
@@ -90,9 +90,8 @@ class _Search:
 
     def _best(self, v: Matrix) -> Indices:
         """The strategy of each node and entry that bounds it best, (nodes, n)."""
-        return np.array([
-            np.argmin(self.floats.bounds(node, v), axis=0) for node in range(self.nodes)
-        ])  # fmt: skip
+        values = Values(self.floats, v)
+        return np.array([np.argmin(values.bounds(node), axis=0) for node in range(self.nodes)])
 
     def _next(self, v: Matrix) -> Matrix:
         return (1 + self.margin) * self.floats.image(v) + self.added
@@ -108,14 +107,15 @@ class _Search:
         """
         size = self.nodes * self.n
         A, b = np.zeros((size, size)), np.tile(self.added, self.nodes)
+        evaluated = Values(self.floats, v)
         for node in range(self.nodes):
-            values = self.floats.values(node, v)
+            values = evaluated.of_strategies(node)
             chosen = np.argmin([each.max(axis=0) for each in values], axis=0)
             chosen = chosen if strategies is None else strategies[node]
             for entry, place in enumerate(chosen.tolist()):
                 passage = int(np.argmax(values[place][:, entry]))
                 row, constant = self._active(
-                    self.floats.graph.nodes[node][place][passage], entry, v
+                    self.floats.graph.nodes[node][place][passage], entry, evaluated
                 )
                 A[node * self.n + entry] = (1 + self.margin) * row
                 b[node * self.n + entry] += (1 + self.margin) * constant
@@ -126,11 +126,11 @@ class _Search:
         is_usable = np.isfinite(solution).all() and (solution > 0).all()
         return solution.reshape(self.nodes, self.n) if is_usable else None
 
-    def _active(self, passage: Passage, entry: int, v: Matrix) -> tuple[Matrix, float]:
+    def _active(self, passage: Passage, entry: int, values: Values) -> tuple[Matrix, float]:
         """Row and constant of what a passage leads to in an entry, as an affine map of all v."""
-        grid, start = self.floats.grid(passage), self.floats.start(passage, v)
+        grid, start = self.floats.grid(passage), values.start(passage)
         k = int(np.argmax(grid.flows[:, entry] @ start + grid.pushes[:, entry]))
-        factors, constants = self._started(passage, v)
+        factors, constants = self._started(passage, values.v)
         row = (grid.flows[k, entry] @ factors.reshape(self.n, -1)).reshape(-1)
         return row, float(grid.flows[k, entry] @ constants + grid.pushes[k, entry])
 

@@ -5,6 +5,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
+from lmi.bounds.graph_tube import prove_graph
+from lmi.find.graph_tube import proposed_tubes
+from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.event_graph import stability_graph
+from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
+from obsdesign.problem.problem import Problem
+
 
 def two_states(
     every: tuple[float, float], gap: float, noise: float = 0.03, sees: str = "before"
@@ -81,6 +90,22 @@ def positioning(speed: float, gps: float) -> dict[str, Any]:
         ],
         "observer": {"kind": "interval"},
     }  # fmt: skip
+
+
+def system_of(body: dict[str, Any]) -> ClockSystem:
+    """Width maps of a problem without gains."""
+    plant = Problem.from_dict(body).plant
+    L, M = np.zeros((plant.n, plant.p)), np.zeros((len(plant.events), plant.n, plant.p))
+    return ClockSystem(ClockedIntervalGains.from_plant(plant, L=L, M=M))
+
+
+def is_stable(body: dict[str, Any], cells: int) -> bool:
+    """Is a tube without inputs proposed on the graph of these clocks, and proved?"""
+    system = system_of(body)
+    nodes = stability_graph(system, cells)
+    assert nodes is not None
+    tubes = proposed_tubes(nodes.graph, np.ones(len(system.f)))
+    return any(prove_graph(nodes.graph, tube.tolist()).outcome == "proved" for tube in tubes)
 
 
 def _box(radius: list[float]) -> dict[str, list[float]]:

@@ -19,7 +19,6 @@ from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, exact
 from lmi.bounds.graph_tube import Least
 from obsdesign.equations.boxes import image_box
-from obsdesign.equations.clocks import EventGains
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.equations.interval.splits import metzler_split
 
@@ -62,16 +61,9 @@ class ClockSystem:
             if k not in self.counted and sensor.event is None
         )
 
-    @property
-    def usable(self) -> tuple[int, ...]:
-        """Those of the counted ones that are silent for no longer than between two events."""
-        shortest = self.dwell[0] if self.gains.events else math.inf
-        return tuple(k for k in self.counted if self.gains.sensors[k].gap <= shortest)
-
-    @property
-    def dwell(self) -> tuple[float, float]:
-        """(shortest, longest) time between two events of the first name."""
-        ends = self.gains.events[0].dwell_time
+    def dwell(self, event: int) -> tuple[float, float]:
+        """(shortest, longest) time between two events of a name."""
+        ends = self.gains.events[event].dwell_time
         return (0.0, math.inf) if ends is None else (float(ends[0]), float(ends[1]))
 
     def gap(self, sensor: int) -> Fraction:
@@ -93,14 +85,9 @@ class ClockSystem:
         C, L = self.gains.C[own], self.gains.L[:, own]
         return tuple(((C != 0).any(axis=0) | (L != 0).any(axis=1)).tolist())
 
-    def happened(self, event: int) -> tuple[Least, ...]:
-        """What an event makes of it: samples before it, its map, samples after it."""
-        own = self.gains.events[event]
-        read = [k for k, x in enumerate(self.gains.sensors) if x.event == own.name]
-        before = [k for k in read if self.gains.sensors[k].sees == "before"]
-        after = [k for k in read if self.gains.sensors[k].sees == "after"]
-        stages = [self.sampled(k) for k in before]
-        return (*stages, self._jump(event, own, before), *(self.sampled(k) for k in after))
+    def is_read(self, event: int) -> bool:
+        """Is a sensor read at an event alone?"""
+        return any(x.event == self.gains.events[event].name for x in self.gains.sensors)
 
     def turn(self, sensors: Sequence[int], events: Sequence[int]) -> tuple[Least, ...]:
         """What a step of discrete time makes of it: its map, samples, events, samples after them.
@@ -115,15 +102,40 @@ class ClockSystem:
         before = [k for k in read if k not in after]
         stages = [step, *(self.sampled(k) for k in before)]
         for place, event in enumerate(events):
-            stages.append(self._jump(event, self.gains.events[event], [] if place else before))
+            stages.append(self._jump(event, [] if place else before))
         return (*stages, *(self.sampled(k) for k in after))
 
-    def _jump(self, event: int, own: EventGains, before: Sequence[int]) -> Least:
+    def counts(self, event: int) -> bool:
+        """Does an event matter for stability: may it widen or narrow, or happen without end?
+
+        One that does not may as well not happen: without what it adds no width is the larger for
+        it, and what it adds is bounded in every time.
+        """
+        size = abs(self.gains.events[event].G)
+        may_widen = bool((size > np.eye(len(size))).any())
+        return may_widen or self.is_read(event) or self.dwell(event)[0] == 0.0
+
+    def happened(self, events: Sequence[int]) -> tuple[Least, ...]:
+        """What events of a row make of it: samples before them, their maps, samples after them.
+
+        A correction is that of the first event: the others no longer have the state that was seen.
+        """
+        names = [self.gains.events[e].name for e in events]
+        read = [k for k, x in enumerate(self.gains.sensors) if x.event in names]
+        stages = [self.sampled(k) for k in read if self.gains.sensors[k].sees == "before"]
+        own = [k for k in read if self.gains.sensors[k].event == names[0]]
+        seen_before = [k for k in own if self.gains.sensors[k].sees == "before"]
+        stages += [self._jump(e, [] if place else seen_before) for place, e in enumerate(events)]
+        return (*stages, *(self.sampled(k) for k in read if self.gains.sensors[k].sees == "after"))
+
+    def _jump(self, event: int, measured: Sequence[int]) -> Least:
+        """The map of an event; measured: sensors with a sample of the state before it."""
+        own = self.gains.events[event]
         lower, upper = image_box(*own.disturbance)
         G, h = exact(own.G), exact(upper) - exact(lower)
         M, C = self.gains.event_gains[event], exact(self.gains.C)
         read = np.zeros(self.gains.p, dtype=bool)
-        for k in before:
+        for k in measured:
             read[self.gains.outputs[k]] = True
         maps = [(abs(G), h)]
         if M.any() and not M[:, ~read].any():

@@ -2,40 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from lmi.arithmetic.arrays import NewEntries
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.bounds.graph_tube import Graph, prove_graph
 from lmi.bounds.step_tube import prove_steps
 from lmi.find.graph_tube import input_sizes, proposed_tubes
 from lmi.find.step_tube import proposed_step_tubes, step_input_sizes
 from lmi.time_budget import TimeBudget, ended_by_count
 from obsdesign.analysis.interval.clock_system import ClockSystem
-from obsdesign.analysis.interval.event_graph import MOST_CELLS, event_graph, homogeneous
+from obsdesign.analysis.interval.event_graph import (
+    MOST_CELLS,
+    EventGraph,
+    stability_graph,
+    width_graph,
+)
 from obsdesign.analysis.interval.step_graph import step_graph
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 
 # parts of a sensor's longest gap, and of the shortest time between events: first and last
 _FOR_STABILITY, _FOR_WIDTH = (1, 8), (8, 16)
+# nodes of the first graph for widths, whose cells are fewer where several events need more
+_FIRST_NODES = 400
+# nodes of any graph, but for a total that lasts
+_MOST_NODES = 800
 # what every entry of a tube has beside what inputs make of it, relative to that
 _ADDED, _ADDED_TO_STEPS = 1e-7, 1e-11
 
 
 def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[str, NewEntries]:
-    """Certificates of `event_stability` and `event_width`, or the limits of their searches.
-
-    None for several events, of which there is no graph.
-    """
+    """Certificates of `event_stability` and `event_width`, or the limits of their searches."""
     if gains.dt is not None:
         return step_certificates(gains, budget)
-    if len(gains.events) > 1:
-        return {}
-    system, certificates = ClockSystem(gains), dict[str, NewEntries]()
-    for name, ends in (("event_stability", _FOR_STABILITY), ("event_width", _FOR_WIDTH)):
-        certificates[name] = _certificate(system, ends, name == "event_width", budget)
-        if "tube" not in certificates[name]:
+    system = ClockSystem(gains)
+    first, most = _FOR_STABILITY
+    stability = _certificate(system, stability_graph, (first, most), budget)
+    if "tube" not in stability:
+        return {"event_stability": stability}
+    width = _certificate(system, width_graph, (_first_cells(system), _FOR_WIDTH[1]), budget)
+    return {"event_stability": stability, "event_width": width}
+
+
+def _first_cells(system: ClockSystem) -> int:
+    """Cells of the first graph for widths: as many as leave it of a moderate size."""
+    cells = _FOR_WIDTH[0]
+    while cells > 1:
+        nodes = width_graph(system, cells)
+        if nodes is not None and len(nodes.graph.nodes) <= _FIRST_NODES:
             break
-    return certificates
+        cells //= 2
+    return cells
 
 
 def step_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[str, NewEntries]:
@@ -57,27 +75,33 @@ def step_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[s
 
 
 def _certificate(
-    system: ClockSystem, ends: tuple[int, int], always: bool, budget: TimeBudget
+    system: ClockSystem,
+    graph_of: Callable[[ClockSystem, int], EventGraph | None],
+    ends: tuple[int, int],
+    budget: TimeBudget,
 ) -> NewEntries:
     """A tube that is proved, of the coarsest graph that has one, or the limit of the search.
 
     Cells are doubled up to the second end, or while a total lasts up to a longer one.
     """
     cells, most = ends[0], int(min(budget.scaled(ends[1]), MOST_CELLS))
-    if not (system.gains.events and system.usable):  # cells are parts of what such sensors leave
+    if not system.gains.events:  # cells are parts of what events leave
         most = cells
-    while cells <= most:
-        nodes = event_graph(system, cells, always=always)
-        assert nodes is not None
-        graph = nodes.graph if always else homogeneous(nodes.graph)
-        for tube in proposed_tubes(graph, _added(graph, always), budget):
-            if prove_graph(graph, tube.tolist()).outcome == "proved":
+    while cells <= most and (nodes := graph_of(system, cells)) is not None:
+        if len(nodes.graph.nodes) > budget.scaled(_MOST_NODES):
+            break
+        for tube in proposed_tubes(nodes.graph, _added(nodes.graph), budget):
+            if prove_graph(nodes.graph, tube.tolist()).outcome == "proved":
                 return {"cells": cells, "tube": tube.tolist()}
         if budget.remaining() < 0:
             return budget.ended()
         cells *= 2
-    return {} if most == ends[0] else ended_by_count("cells", most)
+    return {} if most == ends[0] else ended_by_count("cells", cells // 2)
 
 
-def _added(graph: Graph, always: bool) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    return _ADDED * input_sizes(graph) if always else np.ones(graph.n)
+def _added(graph: Graph) -> Matrix:
+    """What every entry of a tube has at least; of any size where there are no inputs."""
+    has_inputs = any(graph.f) or any(
+        any(k) for stages in graph.events for stage in stages for _, k in stage.maps
+    )
+    return _ADDED * input_sizes(graph) if has_inputs else np.ones(graph.n)

@@ -7,6 +7,7 @@ the graph of the clocks (`analysis.interval.event_graph`), which is made here fr
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_CEILING
 
@@ -16,9 +17,14 @@ from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries
 from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.graph_tube import prove_graph
 from lmi.prove.hurwitz import prove_hurwitz
-from lmi.verdict import Verdict, proved, undecided
+from lmi.verdict import Verdict, undecided
 from obsdesign.analysis.interval.clock_system import ClockSystem
-from obsdesign.analysis.interval.event_graph import MOST_CELLS, event_graph, homogeneous
+from obsdesign.analysis.interval.event_graph import (
+    MOST_CELLS,
+    EventGraph,
+    stability_graph,
+    width_graph,
+)
 from obsdesign.analysis.interval.several_clocks import reason_against_clocks, with_given
 from obsdesign.document import Claim, Guarantee
 from obsdesign.entries import is_number
@@ -41,10 +47,6 @@ _MONOTONE = (
     "A further sample, of whichever sensor, never makes the bounds wider, but for rounding: the "
     "box that it leaves is kept only where it is narrower."
 )
-_NO_WIDTH = (
-    "No width of the bounds is guaranteed: the times of several events are independent, and what "
-    "they come to together is not proved."
-)
 _SOURCE = "docs/interval.md, several events and sensors; comparison with fewer samples"
 _CLOCKS = "for all times of samples that the clocks allow"
 _EVENTS = (
@@ -57,35 +59,39 @@ _EVENTS = (
 class EventWidth:
     """Evidence of `event_width`: a tube (nodes, n) for `cells`, and bounds of the width (n,).
 
-    always: at all times; before, after: the event, None without one.
+    always: at all times; before, after: each event, by name.
     """
 
     cells: int
     tube: Matrix
     always: Matrix
-    before: Matrix | None
-    after: Matrix | None
+    before: dict[str, Matrix]
+    after: dict[str, Matrix]
 
     @classmethod
-    def from_tube(cls, system: ClockSystem, cells: int, tube: Matrix) -> EventWidth | None:
-        """What a tube comes to; None where it has not the size of the graph."""
-        nodes = event_graph(system, cells, always=True)
-        if nodes is None or tube.shape != (len(nodes.graph.nodes), nodes.graph.n):
-            return None
-        always = tube[list(nodes.always)].max(axis=0)
-        if nodes.before is None:
-            return cls(cells, tube, always, None, None)
-        after = exact(tube[nodes.before])
-        for stage in nodes.graph.events[0]:
-            after = stage(after)
-        return cls(cells, tube, always, tube[nodes.before], np.nextafter(to_float(after), np.inf))
+    def from_tube(
+        cls, system: ClockSystem, nodes: EventGraph, cells: int, tube: Matrix
+    ) -> EventWidth:
+        """What a tube of the graph of all times comes to."""
+        before, after = dict[str, Matrix](), dict[str, Matrix]()
+        for mark in nodes.marks:
+            u = exact(tube[mark.node])
+            for stage in nodes.graph.events[mark.place]:
+                u = stage(u)
+            late = np.nextafter(to_float(u), np.inf)
+            for name in (system.gains.events[e].name for e in mark.events):
+                before[name] = np.maximum(before.get(name, 0.0), tube[mark.node])
+                after[name] = np.maximum(after.get(name, 0.0), late)
+        return cls(cells, tube, tube[list(nodes.always)].max(axis=0), before, after)
 
     def to_evidence(self) -> NewEntries:
         """Entries of the claim."""
-        names = ("tube", "always", "before", "after")
-        values = {name: getattr(self, name) for name in names}
-        stated = {name: x.tolist() for name, x in values.items() if x is not None}
-        return {"cells": self.cells, **stated}
+        stated: NewEntries = {"cells": self.cells, "tube": self.tube.tolist()}
+        stated["always"] = self.always.tolist()
+        if self.before:
+            stated["before"] = {name: x.tolist() for name, x in self.before.items()}
+            stated["after"] = {name: x.tolist() for name, x in self.after.items()}
+        return stated
 
 
 def clocked_claims(
@@ -101,11 +107,11 @@ def clocked_claims(
     agreement, gains = consistent_gains(
         reason, stored, expected, ClockedIntervalGains.from_document
     )
-    if gains is not None and gains.dt is not None:
-        return (agreement, *step_claims(ClockSystem(gains), certificates))
-    if gains is None or len(gains.events) > 1:
+    if gains is None:
         return (agreement,)
     system, clocks = ClockSystem(gains), _EVENTS if gains.events else _CLOCKS
+    if gains.dt is not None:
+        return (agreement, *step_claims(system, certificates))
     stability = Claim.from_verdict(
         "event_stability",
         f"without disturbance and noise the width of the bounds tends to zero {clocks}: a "
@@ -116,7 +122,7 @@ def clocked_claims(
     width = Claim.from_verdict(
         "event_width",
         f"the width of the bounds comes to at most `always` at any time {clocks}"
-        + ("" if not gains.events else f", `before` and `after` the event {gains.events[0].name}"),
+        + (", and at most `before` and `after` each event" if gains.events else ""),
         _SOURCE,
         _width(system, certificates.get("event_width", {})),
     )
@@ -125,43 +131,48 @@ def clocked_claims(
 
 def _stability(system: ClockSystem, proposed: Entries) -> Verdict:
     """The homogeneous tube of a certificate, proved."""
-    certificate = _certificate(proposed)
-    if (reason := _reason_against_endless(system)) or certificate is None:
-        return undecided(reason or reason_without_tube(system))
-    cells, tube = certificate
-    nodes = event_graph(system, cells, always=False)
-    assert nodes is not None
-    verdict = prove_graph(homogeneous(nodes.graph), tube)
-    stated: NewEntries = {"cells": cells, "tube": tube}
-    return Verdict(verdict.outcome, {**stated, **verdict.evidence}) if _is(verdict) else verdict
+    return _tube(system, stability_graph, proposed)[0]
 
 
 def _width(system: ClockSystem, proposed: Entries) -> Verdict:
     """The tube of a certificate, proved, and what it comes to."""
+    verdict, nodes = _tube(system, width_graph, proposed)
+    if not _is(verdict) or nodes is None:
+        return verdict
+    cells, tube = verdict.evidence["cells"], np.array(verdict.evidence["tube"])
+    width = EventWidth.from_tube(system, nodes, cells, tube)
+    return Verdict(verdict.outcome, {**verdict.evidence, **width.to_evidence()})
+
+
+def _tube(
+    system: ClockSystem,
+    graph_of: Callable[[ClockSystem, int], EventGraph | None],
+    proposed: Entries,
+) -> tuple[Verdict, EventGraph | None]:
+    """The verdict on the tube of a certificate, and its graph, made from the problem."""
     certificate = _certificate(proposed)
-    if (reason := _reason_against_endless(system)) or certificate is None:
-        return undecided(reason or reason_without_tube(system))
+    nodes = None if certificate is None else graph_of(system, certificate[0])
+    if certificate is None or nodes is None:
+        return undecided(reason_without_tube(system)), None
+    is_endless = any(math.isinf(each.high) for each in nodes.graph.passages())
+    if is_endless and (reason := _reason_against_endless(system)):
+        return undecided(reason), None
     cells, tube = certificate
-    nodes = event_graph(system, cells, always=True)
-    assert nodes is not None
     verdict = prove_graph(nodes.graph, tube)
     if not _is(verdict):
-        return verdict
-    width = EventWidth.from_tube(system, cells, np.array(tube))
-    assert width is not None
-    return proved(**width.to_evidence(), **verdict.evidence)
+        return verdict, None
+    stated: NewEntries = {"cells": cells, "tube": tube}
+    return Verdict(verdict.outcome, {**stated, **verdict.evidence}), nodes
 
 
 def _reason_against_endless(system: ClockSystem) -> str | None:
-    """Reason against proofs where the event may stay away and the flow does not decay, or None."""
-    if not system.gains.events or math.isfinite(system.dwell[1]):
-        return None
+    """Reason against proofs in which all events may stay away, or None where the flow decays."""
     if prove_hurwitz(system.W).outcome == "proved":
         return None
-    name = system.gains.events[0].name
+    names = [x.name for k, x in enumerate(system.gains.events) if math.isinf(system.dwell(k)[1])]
     return (
-        f"event {name} has no longest time, and the width does not decay by itself: W = Mz(A) is "
-        "not proved to be Hurwitz"
+        f"no longest time of {', '.join(names)} is stated, and the width does not decay by itself: "
+        "W = Mz(A) is not proved to be Hurwitz"
     )
 
 
@@ -187,12 +198,9 @@ def reason_without_tube(system: ClockSystem) -> str:
         f"sensor {name} may be silent for any time, and is not counted on"
         for name in system.not_counted
     ]
-    for place in sorted({*system.counted} - {*system.usable}):
-        sensor, shortest = system.gains.sensors[place], system.dwell[0]
-        sentences.append(
-            f"sensor {sensor.name} may be silent for {sensor.gap:g}, longer than the shortest time "
-            f"{shortest:g} between two events {system.gains.events[0].name}: it is not counted on"
-        )
+    ends = [system.dwell(k)[1] for k in range(len(system.gains.events))]
+    if ends and min(ends) == math.inf and (reason := _reason_against_endless(system)):
+        sentences.append(reason)
     return "; ".join(sentences)
 
 
@@ -202,7 +210,7 @@ def clocked_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Gua
     given = [Guarantee.from_verdicts(x, ["consistent"], verdicts) for x in (_ENCLOSURE, _MONOTONE)]
     if "event_stability" not in verdicts:
         is_discrete = problem.plant.flow.dt is not None
-        return (*given, Guarantee.not_proved(NO_GRAPH if is_discrete else _NO_WIDTH))
+        return (*given, Guarantee.not_proved(NO_GRAPH)) if is_discrete else tuple(given)
     bounded = (
         "For all times of events and samples that the stated clocks allow, the width of the bounds "
         "stays bounded, and without disturbance and noise it tends to zero."
@@ -216,13 +224,15 @@ def clocked_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Gua
 
 
 def _width_sentence(evidence: Entries) -> str:
-    words = {"always": "at any time", "before": "before the event", "after": "after it"}
-    parts = [
-        f"({', '.join(six_digits(x, ROUND_CEILING) for x in evidence[name])}) {text}"
-        for name, text in words.items()
-        if name in evidence
-    ]
+    parts = [f"{_listed(evidence['always'])} at any time"]
+    for name, before in evidence.get("before", {}).items():
+        after = _listed(evidence["after"][name])
+        parts.append(f"{_listed(before)} before an event {name} and {after} after it")
     return f"In the long run the width of the bounds comes to at most {', '.join(parts)}."
+
+
+def _listed(width: Sequence[float]) -> str:
+    return f"({', '.join(six_digits(x, ROUND_CEILING) for x in width)})"
 
 
 def clocked_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
