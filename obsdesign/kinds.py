@@ -74,13 +74,16 @@ GIVING_BOUNDS = ("interval", "set_membership")
 # gains for each by its name
 TAKING_CLOCKS = ("interval", "set_membership")
 WITH_NAMED_GAINS = ("interval",)
+# kinds that take events whose time stamps have an error
+TAKING_TIME_ERRORS = ("interval",)
 # kinds that take modes: each has modules `modes` in synthesis and verification
 TAKING_MODES = ("interval", "luenberger")
 
-# what `search` knows: ends of a range of dwell times, and of finite_time
+# what `search` knows: ends of a range of dwell times, of finite_time, errors of time stamps
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")
 PERIOD_SEARCHES = ("longest_period", "shortest_window")
-SEARCHES = (*DWELL_SEARCHES, *PERIOD_SEARCHES)
+LARGEST_TIME_ERROR = "largest_time_error"
+SEARCHES = (*DWELL_SEARCHES, *PERIOD_SEARCHES, LARGEST_TIME_ERROR)
 
 
 def kind_named(name: str) -> Kind:

@@ -32,7 +32,8 @@ class Instants:
     """Times of all rows; which events happen (rows, events), which outputs are known (rows, p).
 
     modes: changes of mode, which are rows too; None without modes. received: when each row
-    arrives, None where all do at their time.
+    arrives, None where all do at their time. true_times (rows, events): when events of a row really
+    happen, at its time where their stamps are exact.
     """
 
     times: Matrix
@@ -40,6 +41,27 @@ class Instants:
     is_measured: NDArray[np.bool_]
     modes: ModeTimes | None = None
     received: Matrix | None = None
+    true_times: Matrix | None = None
+
+    def late_events(self) -> list[tuple[float, int, int]]:
+        """(true time, row, event) of events that do not happen at their rows, in order."""
+        if self.true_times is None:
+            return []
+        apart = self.happens & (self.true_times != self.times[:, None])
+        places = [(int(k), int(event)) for k, event in np.argwhere(apart)]
+        return sorted((float(self.true_times[place]), *place) for place in places)
+
+
+def true_times(plant: Plant, instants: Instants, rng: np.random.Generator) -> Matrix | None:
+    """When the events of each row happen, (rows, events); None where all stamps are exact.
+
+    Drawn within `time_error` of the row, not before the first one.
+    """
+    errors = np.array([event.stamp_error for event in plant.events])
+    if not errors.any():
+        return None
+    drawn = rng.uniform(-1.0, 1.0, instants.happens.shape) * errors
+    return np.asarray(np.maximum(instants.times[:, None] + drawn, instants.times[0]))
 
 
 def instants_of(

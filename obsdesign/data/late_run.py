@@ -25,8 +25,8 @@ def refuse_late_rows(layout: Layout, observer: Observer, target: str | None) -> 
         refuse_whole_records(observer, "report_delay")
     elif target is not None:
         raise InputError(
-            "--provisional: report_delay of an event or a sensor is required; the plant of the "
-            "design has none."
+            "--provisional: report_delay of an event or a sensor is required, or time_error of an "
+            "event; the plant of the design has none."
         )
 
 
@@ -39,7 +39,8 @@ def arrivals_of(
     waiting = [row.sample for row in stored.late]
     try:
         buffer = LateRows(
-            layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now
+            layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now,
+            errors=() if layout.clocks is None else layout.clocks.errors,
         )  # fmt: skip
     except ValueError as error:
         raise InputError(f"--state: not a state of this design: {error}") from None

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.column_names import MODE, TIME
-from obsdesign.data.instants import Instants, arrival_times, default_until, instants_of
+from obsdesign.data.instants import Instants, arrival_times, default_until, instants_of, true_times
 from obsdesign.data.record_columns import record_columns
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
@@ -89,7 +89,11 @@ def simulate(
     source = signals(plant, disturbance, len(instants.times), rng)
     sources = _of_modes(source, disturbance, instants, rng)
     with np.errstate(over="ignore", invalid="ignore"):
-        instants = replace(instants, received=arrival_times(plant, instants, rng))
+        instants = replace(
+            instants,
+            received=arrival_times(plant, instants, rng),
+            true_times=true_times(plant, instants, rng),
+        )
         record = _trajectory(x, instants, source, announced, sources)
     _require_finite(record)
     return record
@@ -132,12 +136,18 @@ def _trajectory(
     after = plant.sees_after & (changes is None)
     truth, outputs, events = [], [], []
     cache: dict[tuple[int, float], Matrix] = {}
-    now = 0.0
+    now, late = 0.0, instants.late_events()
+    apart = {(row, event) for _, row, event in late}
     leading = [0] * len(instants.times) if changes is None else changes.before(instants.times)
     following = leading if changes is None else changes.at(instants.times)
     for k, t in enumerate(instants.times.tolist()):
-        h, mode = t - now, leading[k]
+        mode = leading[k]
         own = sources[mode] if sources else source
+        while late and late[0][0] <= t:
+            at, row, event = late.pop(0)
+            x = _flowed(own, x, k, now, at)
+            x, now = np.asarray(plant.events[event].G @ x + source.jump(row, event)), at
+        h = t - now
         if h > 0:
             if (mode, h) not in cache:
                 cache[mode, h] = expm(own.generator * h)[:n]
@@ -145,7 +155,10 @@ def _trajectory(
         before = x
         if following[k] != mode:
             x = _entered(x, plant.modes[following[k]].entry_map)
-        happening = np.flatnonzero(instants.happens[k]).tolist()
+        happening = [
+            event for event in np.flatnonzero(instants.happens[k]).tolist()
+            if (k, event) not in apart
+        ]  # fmt: skip
         for event in happening:
             x = np.asarray(plant.events[event].G @ x + source.jump(k, event))
         if any(plant.events[event].H is not None for event in happening):
@@ -157,6 +170,15 @@ def _trajectory(
         now = t
     names = [plant.modes[mode].name for mode in following] if plant.modes else None
     return _record(instants, source, announced, (outputs, truth, events), names)
+
+
+def _flowed(source: Signals, x: Matrix, row: int, start: float, end: float) -> Matrix:
+    """The state at a time on the way to a row."""
+    if end <= start:
+        return x
+    return np.asarray(
+        expm(source.generator * (end - start))[: len(x)] @ source.extended(x, row, start)
+    )
 
 
 def _record(

@@ -134,6 +134,16 @@ class Jump(DisturbedBlock):
         return self.name
 
     @property
+    def stamp_error(self) -> float:
+        """Largest time between a jump and its time stamp."""
+        return 0.0
+
+    @property
+    def largest_input(self) -> Matrix | None:
+        """Bound of |w| of each known input (l,), None where none is stated."""
+        return None
+
+    @property
     def inputs(self) -> int:
         """Number of known inputs w."""
         return 0 if self.E is None else int(self.E.shape[1])
@@ -256,8 +266,13 @@ class Plant:
     @cached_property
     def has_one_clock(self) -> bool:
         """Are `jump` and `output` all that there is?"""
-        fixed = self.sensors[0].measured != IRREGULAR
+        fixed = self.sensors[0].measured != IRREGULAR and not self.uncertain_events
         return len(self.events) <= 1 and len(self.sensors) == 1 and fixed
+
+    @property
+    def uncertain_events(self) -> tuple[str, ...]:
+        """Names of the events whose time stamps have an error."""
+        return tuple(event.name for event in self.events if event.stamp_error)
 
     @property
     def has_tables(self) -> bool:

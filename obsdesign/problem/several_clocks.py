@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from obsdesign.errors import DoesNotApply
-from obsdesign.kinds import TAKING_CLOCKS, TAKING_MODES
+from obsdesign.kinds import TAKING_CLOCKS, TAKING_MODES, TAKING_TIME_ERRORS
 
 _KINDS = ", ".join(TAKING_CLOCKS)
 
@@ -27,6 +27,16 @@ def require_no_modes(modes: Sequence[str], kind: str) -> None:
             f"kind {kind!r} has no modes; the plant has {len(modes)} ({', '.join(modes)}). "
             f"Observers for modes: {', '.join(TAKING_MODES)}.",
             "mode",
+        )
+
+
+def require_known_times(names: Sequence[str], kind: str) -> None:
+    """DoesNotApply where times of events are uncertain and the kind does not take such events."""
+    if names and kind not in TAKING_TIME_ERRORS:
+        raise DoesNotApply(
+            f"event.{names[0]}.time_error: kind {kind!r} needs events at known times. Observers "
+            f"for uncertain times: {', '.join(TAKING_TIME_ERRORS)}.",
+            "event",
         )
 
 

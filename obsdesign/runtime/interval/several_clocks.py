@@ -7,7 +7,7 @@ smaller one, and none makes a box larger: a sample that is missing never narrows
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple
@@ -47,7 +47,7 @@ class ClockedState(NamedTuple):
     refutation: str = ""
 
 
-class _Measured(NamedTuple):
+class Measured(NamedTuple):
     """Measurements of all outputs less the middle of their noise (p,), NaN where missing.
 
     radius (p,): of the noise, with the rounding of the middle.
@@ -57,11 +57,26 @@ class _Measured(NamedTuple):
     radius: Matrix
 
 
-class _Cut(NamedTuple):
+class Cut(NamedTuple):
     """A box after the operations of a row so far, and what contradicts it."""
 
     box: Matrix
     faults: tuple[str, ...] = ()
+
+
+class Row(NamedTuple):
+    """A sample, checked.
+
+    u, held: input and bounds of b from t on; complete: the measurements that widths count on;
+    events: places of those that happen, with their known inputs.
+    """
+
+    t: float
+    u: Matrix
+    held: Matrix
+    complete: Matrix | None
+    measured: Measured
+    events: Sequence[tuple[int, Matrix]]
 
 
 @dataclass(frozen=True)
@@ -95,6 +110,13 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
 
         NaN in y marks an output that is missing. ValueError if time decreases.
         """
+        row = self.row_of(state, sample)
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
+            cut = self.used(self.flowed(state, row.t), row.measured, row.events)
+        return self.after_row(state, row, cut)
+
+    def row_of(self, state: ClockedState, sample: Sample) -> Row:
+        """A sample, checked; ValueError for one that cannot follow the state."""
         t = later(sample.t, state.t, state.started, may_repeat=True)
         own, events = sample.bounds or Bounds(), self._clocks.places(sample)
         y = None if sample.y is None else vector(sample.y, self.gains.p, "y")
@@ -102,17 +124,26 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         held = np.stack(self.declared_bounds.b.completed(own.b))
         if own.c is not None:
             raise ValueError("bounds of c are not used with several clocks.")
-        known = [self._clocks.inputs(sample, event) for event in events]
-        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
-            cut = self._row(state, t, self._measured(y, own), list(zip(events, known, strict=True)))
+        known = [(event, self.known_inputs(sample, event)) for event in events]
+        return Row(t, u, held, self._complete(y), self._measured(y, own), known)
+
+    def known_inputs(self, sample: Sample, event: int) -> Matrix:
+        """Known inputs of an event of a sample."""
+        return self._clocks.inputs(sample, event)
+
+    def after_row(self, state: ClockedState, row: Row, cut: Cut) -> tuple[ClockedState, Estimate]:
+        """The state and the estimate where a row leaves this box."""
+        t, events = row.t, [event for event, _ in row.events]
         kept, not_kept = self._clocks.after(
-            Kept(state.guards, state.sampled), t, self._complete(y), events
+            Kept(state.guards, state.sampled), t, row.complete, events
         )
         refutation = state.refutation
         reasons = [*cut.faults, *not_kept, *([refutation] if refutation else [])]
         if cut.faults and cut.faults[0] != BoundsFault.OVERFLOWED.value and not refutation:
             refutation = f"void since time {t:.9g} ({cut.faults[0]})"
-        following = ClockedState(t, cut.box, u, held, kept.guards, True, kept.sampled, refutation)
+        following = ClockedState(
+            t, cut.box, row.u, row.held, kept.guards, True, kept.sampled, refutation
+        )
         names = [self.gains.events[k].name for k in events]
         lower, upper = cut.box[: self.n], -cut.box[self.n :]
         listed = tuple((t, text) for text in names + reasons)
@@ -132,30 +163,37 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
             b, None, declared_noise(self.gains.noise_bound, self.gains.noise_centre)
         )
 
-    def _row(
-        self, state: ClockedState, t: float, y: _Measured, events: Sequence[tuple[int, Matrix]]
-    ) -> _Cut:
-        """The box after the step to t, its samples and its events."""
-        cut = self._moved(state, t)
+    def used(self, cut: Cut, y: Measured, events: Sequence[tuple[int, Matrix]]) -> Cut:
+        """A box after the samples and events of a row."""
+        for event, measured in self.in_turn(y, events):
+            if event is None:
+                cut = self.sampled(cut, measured)
+            else:
+                cut = self.happened(cut, *event, measured)
+        return cut
+
+    def in_turn(
+        self, y: Measured, events: Sequence[tuple[int, Matrix]]
+    ) -> Iterator[tuple[tuple[int, Matrix] | None, Measured]]:
+        """Samples (None) and events of a row in their order, each with what was measured at it."""
         after = np.asarray(self._clocks.sees == "after")
         late = after if events else np.zeros_like(after)
-        cut = self._sampled(cut, y._replace(y=np.where(late, np.nan, y.y)))
+        yield None, y._replace(y=np.where(late, np.nan, y.y))
         # what saw the state before the events corrects the first of them alone
         nothing = np.full_like(y.y, np.nan)
-        for k, (event, w) in enumerate(events):
-            seen_before = nothing if k else np.where(after, nothing, y.y)
-            cut = self._happened(cut, event, w, y._replace(y=seen_before))
-        return self._sampled(cut, y._replace(y=np.where(late, y.y, np.nan)))
+        for k, event in enumerate(events):
+            yield event, y._replace(y=nothing if k else np.where(after, nothing, y.y))
+        yield None, y._replace(y=np.where(late, y.y, np.nan))
 
-    def _moved(self, state: ClockedState, t: float) -> _Cut:
+    def flowed(self, state: ClockedState, t: float) -> Cut:
         """The box after the flow up to t."""
         if t == state.t:
-            return _Cut(state.box)
+            return Cut(state.box)
         k = self._kernels.step(t - state.t, max(abs(t), abs(state.t)))
         v = k.vector(state.box, None, None, np.concatenate([state.u, *midpoint(*state.held)]))
         return _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
 
-    def _sampled(self, cut: _Cut, measured: _Measured) -> _Cut:
+    def sampled(self, cut: Cut, measured: Measured) -> Cut:
         """The box cut with the samples of each sensor in turn; whole where a sample contradicts."""
         for place, own in enumerate(self.gains.outputs):
             y, radius = measured.y[own], measured.radius[own]
@@ -171,7 +209,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
             if crossed(box):
                 faults = faults or [BoundsFault.CROSSED.value]
                 box = cut.box
-            cut = _Cut(box, (*cut.faults, *faults))
+            cut = Cut(box, (*cut.faults, *faults))
         return cut
 
     def _contradictions(self, place: int, there: Matrix, room: Matrix) -> list[str]:
@@ -181,7 +219,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         least = np.minimum(*np.split(room, 2))
         return [f"{title} outside its bounds" for title in titles[least < 0].tolist()]
 
-    def _happened(self, cut: _Cut, event: int, w: Matrix, measured: _Measured) -> _Cut:
+    def happened(self, cut: Cut, event: int, w: Matrix, measured: Measured) -> Cut:
         """The box after an event: with its correction too where all that it uses is measured."""
         used = self._kernels.used[event]
         corrected = bool(used.any() and np.isfinite(measured.y[used]).all())
@@ -190,20 +228,20 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         v = k.vector(cut.box, None, y, np.concatenate([w, radius]))
         following = _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
         if corrected and crossed(following.box):  # the correction contradicts the box
-            plain = self._happened(cut, event, w, measured._replace(y=np.full_like(y, np.nan)))
+            plain = self.happened(cut, event, w, measured._replace(y=np.full_like(y, np.nan)))
             return plain._replace(faults=(*plain.faults, BoundsFault.CROSSED.value))
         return following._replace(faults=(*cut.faults, *following.faults))
 
-    def _measured(self, y: Matrix | None, own: Bounds) -> _Measured:
+    def _measured(self, y: Matrix | None, own: Bounds) -> Measured:
         """Measurements as the middle of what y - v may be, and its radius, rounded outward."""
         lower, upper = self.declared_bounds.v.completed(own.v)
         if y is None:
-            return _Measured(np.full(self.gains.p, np.nan), upper)
+            return Measured(np.full(self.gains.p, np.nan), upper)
         low, high = y - upper, y - lower
         is_exact = (lower == 0.0) & (upper == 0.0)
         low = np.where(is_exact, low, np.nextafter(low, -np.inf))
         high = np.where(is_exact, high, np.nextafter(high, np.inf))
-        return _Measured(*midpoint(low, high))
+        return Measured(*midpoint(low, high))
 
     def _complete(self, y: Matrix | None) -> Matrix | None:
         """Measurements of the sensors all of whose outputs are there: those that widths count on.
@@ -230,8 +268,8 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         return NamedClocks(self.gains.events, self.gains.sensors)
 
 
-def _bounded(n: int, box: Matrix, finite: bool) -> _Cut:
+def _bounded(n: int, box: Matrix, finite: bool) -> Cut:
     """A box, or the only sound one where numbers overflowed."""
     if finite:
-        return _Cut(box)
-    return _Cut(np.full(2 * n, -np.inf), (BoundsFault.OVERFLOWED.value,))
+        return Cut(box)
+    return Cut(np.full(2 * n, -np.inf), (BoundsFault.OVERFLOWED.value,))

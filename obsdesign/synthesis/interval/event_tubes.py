@@ -10,6 +10,7 @@ from lmi.find.graph_tube import input_sizes, proposed_tubes
 from lmi.time_budget import TimeBudget, ended_by_count
 from obsdesign.analysis.interval.clock_system import ClockSystem
 from obsdesign.analysis.interval.event_graph import MOST_CELLS, event_graph, homogeneous
+from obsdesign.analysis.interval.late_system import LateSystem
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 
 # parts of a sensor's longest gap, and of the shortest time between events: first and last
@@ -21,10 +22,16 @@ _ADDED = 1e-7
 def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[str, NewEntries]:
     """Certificates of `event_stability` and `event_width`, or the limits of their searches.
 
+    Of `late_width` alone where the event's times are uncertain.
+
     None for several events, of which there is no graph.
     """
     if len(gains.events) > 1:
         return {}
+    if any(event.time_error is not None for event in gains.events):
+        late = LateSystem(gains)
+        is_open = late.reason_against() is None
+        return {"late_width": _certificate(late, _FOR_WIDTH, True, budget) if is_open else {}}
     system, certificates = ClockSystem(gains), dict[str, NewEntries]()
     for name, ends in (("event_stability", _FOR_STABILITY), ("event_width", _FOR_WIDTH)):
         certificates[name] = _certificate(system, ends, name == "event_width", budget)

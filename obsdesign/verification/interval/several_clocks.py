@@ -96,7 +96,7 @@ def clocked_claims(
     found; the graph is made from the problem, and the tube is checked on it.
     """
     reason = reason_against_clocks(problem)
-    expected = {} if reason is not None else _expected(problem, stored)
+    expected = {} if reason is not None else expected_of_clocks(problem, stored)
     agreement, gains = consistent_gains(
         reason, stored, expected, ClockedIntervalGains.from_document
     )
@@ -115,7 +115,7 @@ def clocked_claims(
         f"the width of the bounds comes to at most `always` at any time {clocks}"
         + ("" if not gains.events else f", `before` and `after` the event {gains.events[0].name}"),
         _SOURCE,
-        _width(system, certificates.get("event_width", {})),
+        proved_width(system, certificates.get("event_width", {})),
     )
     return (agreement, stability, width)
 
@@ -133,7 +133,7 @@ def _stability(system: ClockSystem, proposed: Entries) -> Verdict:
     return Verdict(verdict.outcome, {**stated, **verdict.evidence}) if _is(verdict) else verdict
 
 
-def _width(system: ClockSystem, proposed: Entries) -> Verdict:
+def proved_width(system: ClockSystem, proposed: Entries) -> Verdict:
     """The tube of a certificate, proved, and what it comes to."""
     certificate = _certificate(proposed)
     if (reason := _reason_against_endless(system)) or certificate is None:
@@ -231,7 +231,7 @@ def clocked_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWi
     )
 
 
-def _expected(problem: Problem, stored: Entries) -> NewEntries:
+def expected_of_clocks(problem: Problem, stored: Entries) -> NewEntries:
     """Entries of the gains: the plant's numbers, given gains, and the shapes of the others."""
     plant, n, p = problem.plant, problem.plant.n, problem.plant.p
     shapes = {"L": (n, p), "M": (len(plant.events), n, p)}
