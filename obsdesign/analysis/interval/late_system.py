@@ -29,7 +29,7 @@ from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.equations.interval.late_jump import DEGREE, MOST_CURVES, LateJump
 
 _CELLS = 64  # of a window
-_AGES = 256  # of the shortest time between two stamps
+_AGES = 128  # of the shortest time between two stamps
 _DOUBLINGS = 60
 _LARGEST_FLOW = 1e50  # beyond, the flow is taken to grow for ever
 

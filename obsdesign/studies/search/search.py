@@ -48,9 +48,9 @@ def search(
     larger total stretches until the bracket is as tight as `accuracy`. of: the mode whose stays are
     searched, None for all; or the event. width: of largest_time_error, (n,): the largest widths.
     """
-    require_search(problem, what, accuracy, of)
     if width is not None and what != LARGEST_TIME_ERROR:
         raise InputError(f"--width is available for {LARGEST_TIME_ERROR} alone; got {what}.")
+    require_search(problem, what, accuracy, of)
     best: workflow.Outcome | None = None
     for budget in TimeBudget.from_seconds(seconds).attempts():
         if what == LARGEST_TIME_ERROR:
