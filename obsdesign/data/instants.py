@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,14 @@ _LASTING = 10
 Dwell = str | float | Sequence[float]
 
 
+class LateEvent(NamedTuple):
+    """An event at a time of its own; row: that of its stamp; event: its place."""
+
+    t: float
+    row: int
+    event: int
+
+
 @dataclass(frozen=True)
 class Instants:
     """Times of all rows; which events happen (rows, events), which outputs are known (rows, p).
@@ -43,13 +52,18 @@ class Instants:
     received: Matrix | None = None
     true_times: Matrix | None = None
 
-    def late_events(self) -> list[tuple[float, int, int]]:
-        """(true time, row, event) of events that do not happen at their rows, in order."""
+    def exact_events(self) -> NDArray[np.bool_]:
+        """Events that happen at their rows, (rows, events)."""
+        if self.true_times is None:
+            return self.happens
+        return np.asarray(self.happens & (self.true_times == self.times[:, None]))
+
+    def late_events(self) -> list[LateEvent]:
+        """Events that happen before or after their rows, in order."""
         if self.true_times is None:
             return []
-        apart = self.happens & (self.true_times != self.times[:, None])
-        places = [(int(k), int(event)) for k, event in np.argwhere(apart)]
-        return sorted((float(self.true_times[place]), *place) for place in places)
+        places = np.argwhere(self.happens & ~self.exact_events()).tolist()
+        return sorted(LateEvent(float(self.true_times[k, e]), k, e) for k, e in places)
 
 
 def true_times(plant: Plant, instants: Instants, rng: np.random.Generator) -> Matrix | None:

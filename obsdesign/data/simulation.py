@@ -15,7 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.column_names import MODE, TIME
-from obsdesign.data.instants import Instants, arrival_times, default_until, instants_of, true_times
+from obsdesign.data.instants import (
+    Instants,
+    LateEvent,
+    arrival_times,
+    default_until,
+    instants_of,
+    true_times,
+)
 from obsdesign.data.record_columns import record_columns
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
@@ -137,16 +144,14 @@ def _trajectory(
     truth, outputs, events = [], [], []
     cache: dict[tuple[int, float], Matrix] = {}
     now, late = 0.0, instants.late_events()
-    apart = {(row, event) for _, row, event in late}
+    at_rows = instants.exact_events()
     leading = [0] * len(instants.times) if changes is None else changes.before(instants.times)
     following = leading if changes is None else changes.at(instants.times)
     for k, t in enumerate(instants.times.tolist()):
         mode = leading[k]
         own = sources[mode] if sources else source
-        while late and late[0][0] <= t:
-            at, row, event = late.pop(0)
-            x = _flowed(own, x, k, now, at)
-            x, now = np.asarray(plant.events[event].G @ x + source.jump(row, event)), at
+        while late and late[0].t <= t:
+            x, now = _after_late(late.pop(0), own, x, k, now)
         h = t - now
         if h > 0:
             if (mode, h) not in cache:
@@ -155,10 +160,7 @@ def _trajectory(
         before = x
         if following[k] != mode:
             x = _entered(x, plant.modes[following[k]].entry_map)
-        happening = [
-            event for event in np.flatnonzero(instants.happens[k]).tolist()
-            if (k, event) not in apart
-        ]  # fmt: skip
+        happening = np.flatnonzero(at_rows[k]).tolist()
         for event in happening:
             x = np.asarray(plant.events[event].G @ x + source.jump(k, event))
         if any(plant.events[event].H is not None for event in happening):
@@ -172,13 +174,15 @@ def _trajectory(
     return _record(instants, source, announced, (outputs, truth, events), names)
 
 
-def _flowed(source: Signals, x: Matrix, row: int, start: float, end: float) -> Matrix:
-    """The state at a time on the way to a row."""
-    if end <= start:
-        return x
-    return np.asarray(
-        expm(source.generator * (end - start))[: len(x)] @ source.extended(x, row, start)
-    )
+def _after_late(
+    late: LateEvent, source: Signals, x: Matrix, row: int, start: float
+) -> tuple[Matrix, float]:
+    """The state after an event on the way from `start` to a row, and its time."""
+    if late.t > start:
+        flow = expm(source.generator * (late.t - start))[: len(x)]
+        x = flow @ source.extended(x, row, start)
+    G = source.plant.events[late.event].G
+    return np.asarray(G @ x + source.jump(late.row, late.event)), late.t
 
 
 def _record(

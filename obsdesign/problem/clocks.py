@@ -16,11 +16,18 @@ from obsdesign.problem.blocks import set_fields
 from obsdesign.problem.names import NAME_SCHEMA, RESERVED, check_name
 from obsdesign.problem.output import IRREGULAR, Output
 from obsdesign.problem.plant import Jump
-from obsdesign.problem.schema import NONNEGATIVE, file_entry, one_of, ref, whole_number
+from obsdesign.problem.schema import NONNEGATIVE, Fragment, file_entry, one_of, ref, whole_number
 from obsdesign.problem.time_ranges import time_range
 
 Every = float | tuple[float, float]
 CONTINUOUS = "continuous"
+TRIGGER: Fragment = {
+    "type": "object",
+    "title": "a table { surface = [...], state = [...] }",
+    "required": ["surface", "state"],
+    "properties": {"surface": ref("vector"), "state": ref("vector")},
+    "additionalProperties": False,
+}
 SEES = ("before", "after")
 
 
@@ -50,6 +57,10 @@ class Event(Jump):
     input_bound: Matrix | None = file_entry(
         ref("vector"), "l: largest |w| of each known input, for claims about widths.", default=None
     )
+    trigger: dict[str, Matrix] | None = file_entry(
+        TRIGGER, "Refused: an event that the estimate triggers at surface x = const, in a state.",
+        default=None,
+    )  # fmt: skip
     dwell_time: tuple[float, float] | None = field(default=None, init=False)
     dwell_jitter: float = field(default=math.inf, init=False)
 
@@ -73,7 +84,7 @@ class Event(Jump):
                 f"{self.entry}.time_error must be below half the shortest time between two stamps, "
                 f"{shortest / 2:g}; got {error:g}."
             )
-        set_fields(self, time_error=error)
+        set_fields(self, time_error=error, stamp_error=error)
         if self.input_bound is not None:
             bound = vector(self.input_bound, f"{self.entry}.input_bound")
             columns = 0 if self.E is None else matrix(self.E, f"{self.entry}.E").shape[1]
@@ -82,17 +93,7 @@ class Event(Jump):
                     f"{self.entry}.input_bound must be {columns} numbers >= 0, one per column of "
                     f"{self.entry}.E; got {bound.tolist()}."
                 )
-            set_fields(self, input_bound=bound)
-
-    @property
-    def stamp_error(self) -> float:
-        """Largest time between it and its stamp."""
-        return self.time_error
-
-    @property
-    def largest_input(self) -> Matrix | None:
-        """Bound of |w| of each known input (l,), None where none is stated."""
-        return self.input_bound
+            set_fields(self, input_bound=bound, largest_input=bound)
 
     @property
     def entry(self) -> str:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
@@ -119,6 +119,8 @@ class Jump(DisturbedBlock):
     disturbance_matrix: Matrix | None = file_entry(
         ref("matrix"), "n x k: c = W w, and disturbance bounds w.", default=None
     )
+    stamp_error: float = field(default=0.0, init=False)  # of events: `time_error`, `input_bound`
+    largest_input: Matrix | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.check_map()
@@ -132,16 +134,6 @@ class Jump(DisturbedBlock):
     def entry(self) -> str:
         """What messages call it."""
         return self.name
-
-    @property
-    def stamp_error(self) -> float:
-        """Largest time between a jump and its time stamp."""
-        return 0.0
-
-    @property
-    def largest_input(self) -> Matrix | None:
-        """Bound of |w| of each known input (l,), None where none is stated."""
-        return None
 
     @property
     def inputs(self) -> int:
