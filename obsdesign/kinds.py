@@ -95,11 +95,14 @@ WITH_NAMED_GAINS = ("interval",)
 TAKING_MODES = tuple(kind.name for kind in _TABLE if kind.modes is not None)
 # kinds that take plants in discrete time
 TAKING_DISCRETE_TIME = ("interval", "set_membership", "luenberger")
+# kinds that take events whose time stamps have an error
+TAKING_TIME_ERRORS = ("interval",)
 
-# what `search` knows: ends of a range of dwell times, and of finite_time
+# what `search` knows: ends of a range of dwell times, of finite_time, errors of time stamps
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")
 PERIOD_SEARCHES = ("longest_period", "shortest_window")
-SEARCHES = (*DWELL_SEARCHES, *PERIOD_SEARCHES)
+LARGEST_TIME_ERROR = "largest_time_error"
+SEARCHES = (*DWELL_SEARCHES, *PERIOD_SEARCHES, LARGEST_TIME_ERROR)
 
 
 def kind_named(name: str) -> Kind:

@@ -12,6 +12,7 @@ from obsdesign.cli.arguments import (
     AS_JSON,
     KIND,
     NUMBER,
+    numbers,
     one_of,
     output_option,
     problem_of,
@@ -109,14 +110,16 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
               shell_complete=one_of(*SEARCHES),
               help=", ".join(SEARCHES) + ".")  # fmt: skip
 @KIND
-@click.option("--of", "mode", metavar="MODE",
-              help="The mode whose stays are searched.  [default: all]")  # fmt: skip
+@click.option("--of", "name", metavar="NAME",
+              help="The mode whose stays are searched, or the event.  [default: all]")  # fmt: skip
+@click.option("--width", metavar="W1,W2,…",
+              help="largest_time_error: widths of the bounds of the states, at most.")  # fmt: skip
 @click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True, help="Relative width.")
 @time_option()
 @AS_JSON
 def search(
-    *, problem: str, what: str, kind: str | None, mode: str | None, accuracy: float,
-    seconds: float | None, as_json: bool,
+    *, problem: str, what: str, kind: str | None, name: str | None, width: str | None,
+    accuracy: float, seconds: float | None, as_json: bool,
 ) -> int:  # fmt: skip
     """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""
     from obsdesign.cli.answers import EXIT_CODES, answer, show_bracket
@@ -124,7 +127,8 @@ def search(
 
     loaded, dropped = problem_of(problem, kind)
     with progress_message("searching"), naming(problem):
-        outcome = searching.search(loaded, what, accuracy, of=mode, seconds=seconds)
+        widths = None if width is None else numbers(width, "--width")
+        outcome = searching.search(loaded, what, accuracy, of=name, width=widths, seconds=seconds)
     _warn_of(kind, dropped, outcome)
     if as_json:
         click.echo(answer("search", outcome, outcome.result))

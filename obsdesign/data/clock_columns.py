@@ -35,12 +35,14 @@ class Happening:
 class ClockColumns:
     """Names of events with their numbers of known inputs, and of sensors with their outputs.
 
-    lag: the longest of their `report_delay`.
+    lag: time after which a row is final, the longest `report_delay` plus the largest `time_error`;
+    errors: `time_error` of each event.
     """
 
     events: Mapping[str, int]
     sensors: Mapping[str, int]
     lag: float = 0.0
+    errors: tuple[float, ...] = ()
 
     @classmethod
     def from_problem(cls, problem: Entries, *, has_events: bool = True) -> ClockColumns | None:
@@ -51,10 +53,13 @@ class ClockColumns:
         if "sensor" not in problem:
             return None
         events = problem.get("event", ()) if has_events else ()
+        delays = [block.get("report_delay", 0.0) for block in (*events, *problem["sensor"])]
+        errors = tuple(event.get("time_error", 0.0) for event in events)
         return cls(
             {event["name"]: len(event["E"][0]) if "E" in event else 0 for event in events},
             {sensor["name"]: len(sensor["C"]) for sensor in problem["sensor"]},
-            max(block.get("report_delay", 0.0) for block in (*events, *problem["sensor"])),
+            max(delays) + max(errors, default=0.0),
+            errors if any(errors) else (),
         )
 
     @cached_property

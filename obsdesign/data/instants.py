@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +29,21 @@ _LASTING = 10
 Dwell = str | float | Sequence[float]
 
 
+class LateEvent(NamedTuple):
+    """An event at a time of its own; row: that of its stamp; event: its place."""
+
+    t: float
+    row: int
+    event: int
+
+
 @dataclass(frozen=True)
 class Instants:
     """Times of all rows; which events happen (rows, events), which outputs are known (rows, p).
 
     modes: changes of mode, which are rows too; None without modes. received: when each row
-    arrives, None where all do at their time.
+    arrives, None where all do at their time. true_times (rows, events): when events of a row really
+    happen, at its time where their stamps are exact.
     """
 
     times: Matrix
@@ -41,6 +51,32 @@ class Instants:
     is_measured: NDArray[np.bool_]
     modes: ModeTimes | None = None
     received: Matrix | None = None
+    true_times: Matrix | None = None
+
+    def exact_events(self) -> NDArray[np.bool_]:
+        """Events that happen at their rows, (rows, events)."""
+        if self.true_times is None:
+            return self.happens
+        return np.asarray(self.happens & (self.true_times == self.times[:, None]))
+
+    def late_events(self) -> list[LateEvent]:
+        """Events that happen before or after their rows, in order."""
+        if self.true_times is None:
+            return []
+        places = np.argwhere(self.happens & ~self.exact_events()).tolist()
+        return sorted(LateEvent(float(self.true_times[k, e]), k, e) for k, e in places)
+
+
+def true_times(plant: Plant, instants: Instants, rng: np.random.Generator) -> Matrix | None:
+    """When the events of each row happen, (rows, events); None where all stamps are exact.
+
+    Drawn within `time_error` of the row, not before the first one.
+    """
+    errors = np.array([event.stamp_error for event in plant.events])
+    if not errors.any():
+        return None
+    drawn = rng.uniform(-1.0, 1.0, instants.happens.shape) * errors
+    return np.asarray(np.maximum(instants.times[:, None] + drawn, instants.times[0]))
 
 
 def instants_of(

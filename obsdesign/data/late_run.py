@@ -25,8 +25,8 @@ def refuse_late_rows(layout: Layout, observer: Observer, target: str | None) -> 
         refuse_whole_records(observer, "report_delay")
     elif target is not None:
         raise InputError(
-            "--provisional: report_delay of an event or a sensor is required; the plant of the "
-            "design has none."
+            "--provisional: report_delay of an event or a sensor is required, or time_error of an "
+            "event; the plant of the design has none."
         )
 
 
@@ -38,7 +38,10 @@ def arrivals_of(
     is_first = stored is None
     stored = Progress(None) if stored is None else stored
     waiting = [row.sample for row in stored.late]
-    buffer = LateRows(layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now)
+    buffer = LateRows(
+        layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now,
+        errors=() if layout.clocks is None else layout.clocks.errors,
+    )  # fmt: skip
     return Arrivals(buffer, remark, is_stream, watch, is_first)
 
 

@@ -147,9 +147,18 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
         v,
         rng.standard_normal((rows, p)) * (kind != "zero"),
         rng.uniform(-1, 1, (_INPUT_CHANGES, inputs))[changes],
-        rng.uniform(-1, 1, (rows, sum(_inputs_of(plant, "E")))),
+        rng.uniform(-1, 1, (rows, sum(_inputs_of(plant, "E")))) * _largest_inputs(plant),
         rng.uniform(0.5, 1.5, (rows, sum(_inputs_of(plant, "H")))),
     )
+
+
+def _largest_inputs(plant: Plant) -> Matrix:
+    """Bounds of |w| of all events, one where none is stated."""
+    bounds = [
+        np.ones(event.inputs) if event.largest_input is None else event.largest_input
+        for event in plant.events
+    ]
+    return np.concatenate([np.zeros(0), *bounds])
 
 
 def noise_ends(plant: Plant) -> tuple[Matrix, Matrix]:

@@ -17,7 +17,14 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.column_names import MODE, TIME
 from obsdesign.data.change_senders import ChangeSenders
-from obsdesign.data.instants import Instants, arrival_times, default_until, instants_of
+from obsdesign.data.instants import (
+    Instants,
+    LateEvent,
+    arrival_times,
+    default_until,
+    instants_of,
+    true_times,
+)
 from obsdesign.data.record_columns import record_columns
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
@@ -92,7 +99,11 @@ def simulate(
     source = signals(plant, disturbance, len(instants.times), rng)
     sources = _of_modes(source, disturbance, instants, rng)
     with np.errstate(over="ignore", invalid="ignore"):
-        instants = replace(instants, received=arrival_times(plant, instants, rng))
+        instants = replace(
+            instants,
+            received=arrival_times(plant, instants, rng),
+            true_times=true_times(plant, instants, rng),
+        )
         record = _trajectory(x, instants, source, announced, sources)
     _require_finite(record)
     return record
@@ -135,13 +146,17 @@ def _trajectory(
     after = plant.sees_after & (changes is None)
     truth, outputs, events = [], [], []
     cache: dict[tuple[int, float], Matrix] = {}
-    now = 0.0
+    now, late = 0.0, instants.late_events()
+    at_rows = instants.exact_events()
     leading = [0] * len(instants.times) if changes is None else changes.before(instants.times)
     following = leading if changes is None else changes.at(instants.times)
     senders, times = ChangeSenders.of(plant), instants.times.tolist()
     for k, t in enumerate(times):
-        h, mode = t - now, leading[k]
+        mode = leading[k]
         own = sources[mode] if sources else source
+        while late and late[0].t <= t:
+            x, now = _after_late(late.pop(0), own, x, k, now)
+        h = t - now
         if plant.flow.dt is not None:
             x = own.stepped(x, k, now, round(h / plant.flow.dt))
         elif h > 0:
@@ -151,7 +166,7 @@ def _trajectory(
         before = x
         if following[k] != mode:
             x = _entered(x, plant.modes[following[k]].entry_map)
-        happening = np.flatnonzero(instants.happens[k]).tolist()
+        happening = np.flatnonzero(at_rows[k]).tolist()
         for event in happening:
             x = np.asarray(plant.events[event].G @ x + source.jump(k, event))
         if any(plant.events[event].H is not None for event in happening):
@@ -164,6 +179,17 @@ def _trajectory(
         now = t
     names = [plant.modes[mode].name for mode in following] if plant.modes else None
     return _record(instants, source, announced, (outputs, truth, events), names)
+
+
+def _after_late(
+    late: LateEvent, source: Signals, x: Matrix, row: int, start: float
+) -> tuple[Matrix, float]:
+    """The state after an event on the way from `start` to a row, and its time."""
+    if late.t > start:
+        flow = expm(source.generator * (late.t - start))[: len(x)]
+        x = flow @ source.extended(x, row, start)
+    G = source.plant.events[late.event].G
+    return np.asarray(G @ x + source.jump(late.row, late.event)), late.t
 
 
 def _record(

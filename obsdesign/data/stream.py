@@ -12,6 +12,7 @@ from typing import cast
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.input_files import read_text
+from obsdesign.runtime.announced import with_events_ahead
 from obsdesign.runtime.base import Delayed, Estimate, KindState, Observer, Row, Sample, Stepped
 from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.stored_state import progress_from_text
@@ -97,9 +98,10 @@ def stored_progress(
     progress = progress_from_text(text, design, observer, path)
     with _of_this_design():  # do the rows that wait fit the design? A step has no other effect
         state = progress.state
-        for row in progress.late:
-            state = observer.start(row.t, progress.initial) if state is None else state
-            state, _ = observer.step(state, row.sample)
+        late = with_events_ahead([row.sample for row in progress.late], observer.time_errors)
+        for sample in late:
+            state = observer.start(sample.t, progress.initial) if state is None else state
+            state, _ = observer.step(state, sample)
     return progress
 
 

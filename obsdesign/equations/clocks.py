@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ class EventGains(Stored):
 
     G (n, n); E (n, l); lower, upper (k,): of c, or of u where disturbance_matrix W (n, k) is given;
     dwell_time: (shortest, longest) time since the last event of this name, None for any.
+    time_error: largest time between it and its stamp, None for zero; input_bound (l,): of |w|, for
+    widths alone.
     """
 
     name: str = text()
@@ -26,11 +29,15 @@ class EventGains(Stored):
     upper: Array = matrix("k")
     disturbance_matrix: Array | None = matrix("n", "k", optional=True)
     dwell_time: Array | None = matrix(2, optional=True)
+    time_error: float | None = number(optional=True)
+    input_bound: Array | None = matrix("l", optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.disturbance_matrix is None and len(self.lower) != len(self.G):
             raise ValueError("gains.lower must have one entry per state.")
+        if self.time_error is not None and not 0 < self.time_error < math.inf:
+            raise ValueError("gains.time_error must be a positive number.")
 
     @classmethod
     def from_event(cls, event: Jump) -> EventGains:
@@ -39,6 +46,7 @@ class EventGains(Stored):
         return cls(
             name=event.name, G=event.G, E=event.E, lower=event.lower, upper=event.upper,
             disturbance_matrix=event.disturbance_matrix, dwell_time=dwell_time,
+            time_error=event.stamp_error or None, input_bound=event.largest_input,
         )  # fmt: skip
 
     @property

@@ -91,6 +91,14 @@ class Jump(Disturbed, Protocol):
         """(n, r), None without unknown impulses."""
 
     @property
+    def stamp_error(self) -> float:
+        """Largest time between it and its stamp."""
+
+    @property
+    def largest_input(self) -> Matrix | None:
+        """Bound of |w| of each known input (l,), None where none is stated."""
+
+    @property
     def c_bounds(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) bounds of c, (n,) each."""
 

@@ -10,18 +10,25 @@ from typing import ClassVar, Self
 
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import signal_columns
-from obsdesign.entries import is_number, positive, real, shown
+from obsdesign.entries import is_number, matrix, positive, real, shown, vector
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import set_fields
 from obsdesign.problem.names import NAME_SCHEMA, RESERVED, check_name
 from obsdesign.problem.noise import noise_numbers
 from obsdesign.problem.output import IRREGULAR, Output
 from obsdesign.problem.plant import Jump
-from obsdesign.problem.schema import NONNEGATIVE, file_entry, one_of, ref, whole_number
+from obsdesign.problem.schema import NONNEGATIVE, Fragment, file_entry, one_of, ref, whole_number
 from obsdesign.problem.time_ranges import time_range
 
 Every = float | tuple[float, float]
 CONTINUOUS = "continuous"
+TRIGGER: Fragment = {
+    "type": "object",
+    "title": "a table { surface = [...], state = [...] }",
+    "required": ["surface", "state"],
+    "properties": {"surface": ref("vector"), "state": ref("vector")},
+    "additionalProperties": False,
+}
 SEES = ("before", "after")
 
 
@@ -30,8 +37,10 @@ class Event(Jump):
     """A jump by a name of its own, some time after the last one of that name.
 
     name: of its column in data; every: that time as a number, or (shortest, longest), None where it
-    is not stated; dwell_time follows from it; report_delay: longest time until it is known.
-    Otherwise as `Jump`.
+    is not stated; dwell_time follows from it; report_delay: longest time until it is known;
+    time_error: it happens within that time of its stamp, before or after it, and `every` is of the
+    stamps; input_bound: largest |w| of each known input, for claims about widths alone. Otherwise
+    as `Jump`.
     """
 
     name: str = file_entry(NAME_SCHEMA, "Name of the event, and of its column in data.")
@@ -42,6 +51,17 @@ class Event(Jump):
     report_delay: float = file_entry(
         NONNEGATIVE, "Longest time until a row that reports it arrives; default 0.", default=0.0
     )
+    time_error: float = file_entry(
+        NONNEGATIVE, "It happens within this time of its stamp, before or after; default 0.",
+        default=0.0,
+    )  # fmt: skip
+    input_bound: Matrix | None = file_entry(
+        ref("vector"), "l: largest |w| of each known input, for claims about widths.", default=None
+    )
+    trigger: dict[str, Matrix] | None = file_entry(
+        TRIGGER, "Refused: an event that the estimate triggers at surface x = const, in a state.",
+        default=None,
+    )  # fmt: skip
     dwell_time: tuple[float, float] | None = field(default=None, init=False)
     dwell_jitter: float = field(default=math.inf, init=False)
 
@@ -52,6 +72,29 @@ class Event(Jump):
         every = ends[0] if ends is not None and is_number(self.every) else ends
         set_fields(self, every=every, dwell_time=ends, dwell_jitter=math.inf)
         _check_delay(self)
+        self._check_error()
+
+    def _check_error(self) -> None:
+        """InputError unless the error of stamps leaves time between two of them; a float then."""
+        error = real(self.time_error, f"{self.entry}.time_error")
+        if not 0 <= error < math.inf:
+            raise InputError(f"{self.entry}.time_error must be a number >= 0; got {error!r}.")
+        shortest = math.inf if self.dwell_time is None else self.dwell_time[0]
+        if error and not 2 * error < shortest:
+            raise InputError(
+                f"{self.entry}.time_error must be below half the shortest time between two stamps, "
+                f"{shortest / 2:g}; got {error:g}."
+            )
+        set_fields(self, time_error=error, stamp_error=error)
+        if self.input_bound is not None:
+            bound = vector(self.input_bound, f"{self.entry}.input_bound")
+            columns = 0 if self.E is None else matrix(self.E, f"{self.entry}.E").shape[1]
+            if bound.shape != (columns,) or (bound < 0).any():
+                raise InputError(
+                    f"{self.entry}.input_bound must be {columns} numbers >= 0, one per column of "
+                    f"{self.entry}.E; got {bound.tolist()}."
+                )
+            set_fields(self, input_bound=bound, largest_input=bound)
 
     @property
     def entry(self) -> str:
@@ -251,4 +294,11 @@ def check_clocks(events: Sequence[Event], sensors: Sequence[Sensor]) -> None:
             raise InputError(
                 f"{sensor.entry}.at must be the name of an event ({', '.join(names) or 'none'}); "
                 f"got {sensor.at!r}."
+            )
+    uncertain = [event.name for event in events if event.time_error]
+    for sensor in sensors:
+        if sensor.at in uncertain:
+            raise InputError(
+                f"{sensor.entry}.at must be an event whose time is known; {sensor.at!r} has "
+                "time_error. A sensor that is read at a known time has `every`."
             )

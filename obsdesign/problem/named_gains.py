@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
-from obsdesign.entries import matrix, size_text
+from obsdesign.entries import matrix, size_text, vector
+from obsdesign.equations.saltation import Impact, Radii
 from obsdesign.errors import InputError
+from obsdesign.problem.clocks import Event
 from obsdesign.problem.plant import Plant
 
 # gain of a sensor at its samples, of an event at its jumps
@@ -109,3 +114,43 @@ def _owned(name: str, plant: Plant) -> str:
             f"observer.gains = {example}."
         )
     return f"{owners[0]}.{name}"
+
+
+def refuse_triggers(plant: Plant, gains: Mapping[str, Matrix]) -> None:
+    """InputError for an event with a trigger; gains: by name, zero where one is not given."""
+    for place, event in enumerate(plant.events):
+        if not isinstance(event, Event) or event.trigger is None:
+            continue
+        n, entry = plant.n, f"{event.entry}.trigger"
+        ends = {key: vector(event.trigger[key], f"{entry}.{key}") for key in ("surface", "state")}
+        for key, values in ends.items():
+            if values.shape != (n,):
+                raise InputError(f"{entry}.{key} must have {n} entries; got {values.size}.")
+        b, c = (np.mean(bounds, axis=0) for bounds in (plant.flow.b_bounds, event.c_bounds))
+        impact = Impact(plant.flow.A, b, event.G, c, *ends.values())
+        speed = float(ends["surface"] @ (plant.flow.A @ ends["state"] + impact.b))
+        if speed == 0:
+            raise InputError(f"{entry}.state must cross the surface; its flow there is along it.")
+        raise InputError(_reason(entry, _radii(plant, place, impact, gains)))
+
+
+def _radii(plant: Plant, place: int, impact: Impact, gains: Mapping[str, Matrix]) -> Radii:
+    event, shape = plant.events[place], (plant.n, plant.p)
+    low, high = event.dwell_time or (1.0, math.inf)
+    period = low if math.isinf(high) else (low + high) / 2
+    L = np.hstack([
+        gains.get(f"{sensor.name}.L", gains.get("L", np.zeros((plant.n, len(sensor.C)))))
+        for sensor in plant.sensors
+    ])  # fmt: skip
+    M = gains.get(f"{event.name}.M", gains.get("M", np.zeros(shape)))
+    return Radii.from_gains(impact, plant.outputs.C, np.asarray(L), np.asarray(M), period)
+
+
+def _reason(entry: str, radii: Radii) -> str:
+    return (
+        f"{entry}: events that the estimate triggers are not offered: across one the error is "
+        "multiplied by the saltation matrix Xi -+ M C, and with the flow between two of them its "
+        f"spectral radius is {radii.observer_first:.4f} where the observer jumps first, "
+        f"{radii.plant_first:.4f} where the plant does ({radii.reported:.4f} at reported times). "
+        "Report the event, with time_error."
+    )

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
@@ -72,6 +72,8 @@ class Jump(DisturbedBlock):
     disturbance_matrix: Matrix | None = file_entry(
         ref("matrix"), "n x k: c = W w, and disturbance bounds w.", default=None
     )
+    stamp_error: float = field(default=0.0, init=False)  # of events: `time_error`, `input_bound`
+    largest_input: Matrix | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.check_map()
@@ -165,6 +167,15 @@ class Plant:
         set_fields(self, flow=flow, events=events, sensors=sensors, modes=tuple(modes), n=n, p=p)
         if modes:
             self._check_modes()
+        if self.uncertain_events:
+            self._check_uncertain_times(f"event.{self.uncertain_events[0]}.time_error")
+
+    def _check_uncertain_times(self, entry: str) -> None:
+        if self.flow.dt is not None:
+            raise InputError(f"{entry} is not available with flow.dt.")
+        for sensor in self.sensors:
+            if sensor.sends_on_change is not None:
+                raise InputError(f"{entry} is not available with {sensor.entry}.sends_on_change.")
 
     def _check_modes(self) -> None:
         flow, sensors = self.flow, self.sensors
@@ -215,13 +226,18 @@ class Plant:
     @cached_property
     def has_one_clock(self) -> bool:
         """Are `jump` and `output` all that there is?"""
-        fixed = self.sensors[0].measured != IRREGULAR
+        fixed = self.sensors[0].measured != IRREGULAR and not self.uncertain_events
         return len(self.events) <= 1 and len(self.sensors) == 1 and fixed
 
     @cached_property
     def acts_in_turns(self) -> bool:
         """Are step, samples and events maps of their own to kind `interval`?"""
         return not self.has_one_clock or self.flow.dt is not None
+
+    @property
+    def uncertain_events(self) -> tuple[str, ...]:
+        """Names of the events whose time stamps have an error."""
+        return tuple(event.name for event in self.events if event.stamp_error)
 
     @property
     def has_tables(self) -> bool:

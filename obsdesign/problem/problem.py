@@ -23,7 +23,7 @@ from obsdesign.problem import observer_options
 from obsdesign.problem.clocks import Event, Sensor, check_clocks
 from obsdesign.problem.file import read_problem_file
 from obsdesign.problem.modes import Mode
-from obsdesign.problem.named_gains import nested
+from obsdesign.problem.named_gains import nested, refuse_triggers
 from obsdesign.problem.options_base import Options
 from obsdesign.problem.plain import as_block, entries_of
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
@@ -78,6 +78,7 @@ class Problem:
         block = dict(body.get("observer", {}))
         kind = block.pop("kind", None)
         gains = observer_options.gains(block.pop("gains", {}), kind, plant)
+        refuse_triggers(plant, gains)
         options = observer_options.options(block, kind, plant)
         self.__dict__.update(
             name=name, plant=plant, kind=kind, gains=MappingProxyType(gains), options=options

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from obsdesign.errors import DoesNotApply
-from obsdesign.kinds import TAKING_CLOCKS, TAKING_DISCRETE_TIME, TAKING_MODES
+from obsdesign.kinds import (
+    TAKING_CLOCKS,
+    TAKING_DISCRETE_TIME,
+    TAKING_MODES,
+    TAKING_TIME_ERRORS,
+)
 
 _KINDS = ", ".join(TAKING_CLOCKS)
 
@@ -30,13 +35,23 @@ def require_no_modes(modes: Sequence[str], kind: str) -> None:
         )
 
 
-def require_known_time(dt: float | None, kind: str) -> None:
+def require_continuous_time(dt: float | None, kind: str) -> None:
     """DoesNotApply for a plant in discrete time where the kind does not take it."""
     if dt is not None and kind not in TAKING_DISCRETE_TIME:
         raise DoesNotApply(
             f"kind {kind!r} is for plants in continuous time; flow.dt is {dt:g}. Observers for "
             f"discrete time: {', '.join(TAKING_DISCRETE_TIME)}.",
             "flow.dt",
+        )
+
+
+def require_known_times(names: Sequence[str], kind: str) -> None:
+    """DoesNotApply where times of events are uncertain and the kind does not take such events."""
+    if names and kind not in TAKING_TIME_ERRORS:
+        raise DoesNotApply(
+            f"event.{names[0]}.time_error: kind {kind!r} needs events at known times. Observers "
+            f"for uncertain times: {', '.join(TAKING_TIME_ERRORS)}.",
+            "event",
         )
 
 

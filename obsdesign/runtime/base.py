@@ -32,6 +32,17 @@ MODERATE = 1e100
 by_position = tuple.__new__
 
 
+class Announced(NamedTuple):
+    """An event whose stamp comes later, and which may have happened before this row.
+
+    event: its place; t: its time stamp; w (l,): known inputs of all events at that row.
+    """
+
+    event: int
+    t: float
+    w: ArrayLike | None = None
+
+
 class Sample(NamedTuple):
     """One row of data at time t, in the plant's time unit.
 
@@ -41,7 +52,8 @@ class Sample(NamedTuple):
     next row, of c at this jump, of v in this y; used by kinds with `declared_bounds` alone. events:
     of several, the places of those that happen; y, w are of all sensors and events, NaN without.
     received: when the row arrived, None at its time. mode: of a plant with modes, the name of the
-    one from this row on, None for the same.
+    one from this row on, None for the same. ahead: events with uncertain times whose stamps come
+    later (`runtime.announced`).
     """
 
     t: float
@@ -53,6 +65,7 @@ class Sample(NamedTuple):
     events: tuple[int, ...] = ()
     received: float | None = None
     mode: str | None = None
+    ahead: tuple[Announced, ...] = ()
 
 
 class Estimate(NamedTuple):
@@ -104,6 +117,10 @@ class Observer(Protocol):
         """Bounds of b, c and v that rows may narrow; None where a kind does not use any."""
 
     @property
+    def time_errors(self) -> Sequence[float]:
+        """Errors of the time stamps of events, by their places; none where all are exact."""
+
+    @property
     def event_names(self) -> tuple[str, ...]:
         """Columns of an event file; none where the kind has no events."""
 
@@ -145,6 +162,11 @@ class RecordRunner(ABC, Generic[State]):
     def declared_bounds(self) -> DeclaredBounds | None:
         """Bounds of b, c and v that rows may narrow; None where a kind does not use any."""
         return None
+
+    @property
+    def time_errors(self) -> Sequence[float]:
+        """Errors of the time stamps of events, by their places; none where all are exact."""
+        return ()
 
     @abstractmethod
     def run(self, state: State, samples: Iterable[Sample]) -> Iterator[Estimate]:

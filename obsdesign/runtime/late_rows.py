@@ -8,10 +8,11 @@ what rows in the order of time give, whatever the kind of observer.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from obsdesign.runtime.announced import first_changed, with_events_ahead
 from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
 from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.time_stamps import time_tolerance
@@ -28,11 +29,16 @@ class _Row(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """A row has arrived: all rows of the buffer, the place of the new one, how many leave it."""
+    """A row has arrived: all rows of the buffer, the place of the new one, how many leave it.
+
+    since: place of the first row that it changes: an event at an uncertain time changes rows before
+    its own.
+    """
 
     samples: Sequence[Sample]
     place: int
     leaving: int
+    since: int
 
 
 class Revised(NamedTuple):
@@ -49,22 +55,23 @@ class Revised(NamedTuple):
 class LateRows:
     """Rows of the last `lag` in the order of time; rows of one time in the order of the file.
 
-    lag: longest time between a row and its arrival; may_repeat: rows may share a time; now: time
-    of the last arrival so far. `samples` are the rows that a later arrival may still precede.
+    lag: longest time between a row and its arrival, or the stamp of an event that may come before
+    it; may_repeat: rows may share a time; now: time of the last arrival so far; errors: of the time
+    stamps of events. `samples` are the rows that a later arrival may still change.
     """
 
     def __init__(
         self, lag: float, *, may_repeat: bool = True, samples: Sequence[Sample] = (),
-        now: float = -math.inf,
+        now: float = -math.inf, errors: Sequence[float] = (),
     ) -> None:  # fmt: skip
-        self.lag, self.now, self._may_repeat = lag, now, may_repeat
+        self.lag, self.now, self._may_repeat, self._errors = lag, now, may_repeat, errors
         self._now_before = now
         self._rows = [_Row(x.t, k - len(samples), x) for k, x in enumerate(samples)]
 
     @property
     def samples(self) -> tuple[Sample, ...]:
-        """The rows of the buffer."""
-        return tuple(row.sample for row in self._rows)
+        """The rows of the buffer, with the events behind them that may come before them."""
+        return tuple(with_events_ahead([row.sample for row in self._rows], self._errors))
 
     def insert(self, sample: Sample, rank: int) -> Arrival | None:
         """Put a row in its place; None if it is older than the buffer.
@@ -81,7 +88,9 @@ class LateRows:
         if not self._may_repeat and neighbours.count(sample.t) > 1:
             self.withdraw(place)
             raise ValueError(f"t must differ from row to row; {sample.t!r} stands twice.")
-        return Arrival(self.samples, place, self._leaving)
+        changed = first_changed(sample, self._errors)
+        since = bisect_left(self._rows, changed, hi=place, key=lambda row: row.t)
+        return Arrival(self.samples, place, self._leaving, since)
 
     def withdraw(self, place: int) -> None:
         """Take the last row to arrive out again: it has never come."""
@@ -90,14 +99,15 @@ class LateRows:
 
     def settled(self) -> list[Sample]:
         """Take out the rows that no other can precede any more."""
-        count = self._leaving
-        rows, self._rows = self._rows[:count], self._rows[count:]
-        return [row.sample for row in rows]
+        count, samples = self._leaving, self.samples
+        self._rows = self._rows[count:]
+        return list(samples[:count])
 
     def reason_against(self, sample: Sample) -> str:
         """Sentence about a row that is older than the buffer."""
+        known = "report_delay and time_error" if self._errors else "report_delay"
         return (
-            f"the row of t = {sample.t:.9g} arrived at {self.now:.9g}, more than report_delay "
+            f"the row of t = {sample.t:.9g} arrived at {self.now:.9g}, more than {known} "
             f"{self.lag:.9g} later; it is skipped."
         )
 
@@ -115,8 +125,9 @@ class LateRows:
 class Replay:
     """An observer on rows that arrive late: estimates of all rows that an arrival changes.
 
-    lag: longest time between a row and its arrival. state: that before the first row, or a function
-    from the time of that row to this state, where an earlier row may still come.
+    lag: longest time between a row and its arrival, to which the errors of the times of events are
+    added. state: that before the first row, or a function from the time of that row to this state,
+    where an earlier row may still come.
     """
 
     def __init__(
@@ -127,7 +138,9 @@ class Replay:
     ) -> None:
         self._observer, self._state = observer, state
         self._entries: list[tuple[KindState, Estimate]] = []
-        self._rows, self._arrived = LateRows(lag), 0
+        errors = observer.time_errors
+        self._rows = LateRows(lag + max(errors, default=0.0), errors=errors)
+        self._arrived = 0
 
     def take(self, sample: Sample) -> list[Estimate]:
         """Estimates of the row and of those behind it, then of the rows that are final with it.
@@ -149,8 +162,8 @@ class Replay:
 
     def revised(self, arrival: Arrival) -> Revised:
         """Estimates after the arrival of a row; ValueError as `take`, which changes nothing."""
-        samples, place, leaving = arrival
-        entries = self._entries[:place]
+        samples, since, leaving = arrival.samples, arrival.since, arrival.leaving
+        entries = self._entries[:since]
         state = entries[-1][0] if entries else self._before(samples[0].t)
         for sample in samples[len(entries) :]:
             state, estimate = self._observer.step(state, sample)
@@ -159,7 +172,7 @@ class Replay:
             self._state = entries[leaving - 1][0]
         self._entries = entries[leaving:]
         estimates = [estimate for _, estimate in entries]
-        return Revised([provisional(each) for each in estimates[place:]], estimates[:leaving])
+        return Revised([provisional(each) for each in estimates[since:]], estimates[:leaving])
 
     def _before(self, t: float) -> KindState:
         """The state before the first row of the buffer, which is of time t."""

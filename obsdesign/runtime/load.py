@@ -41,6 +41,10 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
     if kind == "interval" and "sensors" in gains:
         from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver
 
+        if any("time_error" in event for event in gains.get("events", ())):
+            from obsdesign.runtime.interval.uncertain_times import UncertainTimesObserver
+
+            return UncertainTimesObserver
         return ClockedIntervalObserver
     if kind == "luenberger" and "dt" in gains:
         from obsdesign.runtime.luenberger.discrete_time import StepObserver

@@ -11,7 +11,11 @@ from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.document import Claim, Guarantee
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.several_clocks import require_known_time, require_no_modes
+from obsdesign.problem.several_clocks import (
+    require_continuous_time,
+    require_known_times,
+    require_no_modes,
+)
 from obsdesign.verification.state_widths import StateWidths
 
 
@@ -82,7 +86,8 @@ def verification_for(problem: Problem) -> Verification:
     """The module that proves the claims of a problem; DoesNotApply for modes of other kinds."""
     kind, modes = problem.require_kind(), [mode.name for mode in problem.plant.modes]
     require_no_modes(modes, kind)
-    require_known_time(problem.plant.flow.dt, kind)
+    require_continuous_time(problem.plant.flow.dt, kind)
+    require_known_times(problem.plant.uncertain_events, kind)
     return verification_of(kind, has_modes=bool(modes))
 
 

@@ -66,6 +66,10 @@ class ClockSystem:
         ends = self.gains.events[event].dwell_time
         return (0.0, math.inf) if ends is None else (float(ends[0]), float(ends[1]))
 
+    def longest_silence(self, sensor: int, age: Fraction) -> Fraction:
+        """Longest time without a sample after an event, where the last one is so old there."""
+        return self.gap(sensor) - age
+
     def gap(self, sensor: int) -> Fraction:
         """Longest time between two samples of a sensor."""
         return Fraction(self.gains.sensors[sensor].gap)

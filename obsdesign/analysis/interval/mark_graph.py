@@ -198,7 +198,8 @@ class MarkGraph:
         """To a time before a mark, in a range, from marks since which a sensor was silent."""
         for before in self.preceding[mark]:
             for j, age in enumerate(self.cells[sensor]):
-                since = meet(before.time, (Fraction(0), self.system.gap(sensor) - age[0]))
+                silence = (Fraction(0), self.system.longest_silence(sensor, age[0]))
+                since = meet(before.time, silence)
                 time = None if since is None else less(since, earlier)
                 if time is not None and (before.mark, j) in self.aged[sensor]:
                     source = self.place("aged", before.mark, sensor, j)

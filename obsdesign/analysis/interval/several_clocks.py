@@ -37,6 +37,12 @@ def reason_against_clocks(problem: Problem) -> str | None:
             f"observer.objective = 'shortest_dwell' is not available {when}; it must be feasible "
             "or narrowest."
         )
+    for name in plant.uncertain_events:
+        if f"{name}.M" in problem.gains:
+            return (
+                f"observer.gains.{name}.M is not available with event.{name}.time_error: no sample "
+                "is known to be taken at the event. Samples correct by the gains of sensors."
+            )
     for entry, gain in problem.gains.items():
         if large := large_gain(gain, None, options.gain_limit):
             return large.reason("observer.gains").replace("gains.L", f"gains.{entry}")

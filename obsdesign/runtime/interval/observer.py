@@ -155,7 +155,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
         One output and no inputs: written out, since most of its time is spent calling.
         """
-        t, y, _, _, jump, bounds, _, _, _ = sample
+        t, y, _, _, jump, bounds, *_ = sample
         if jump or bounds is not None or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
             return None
         h, clock = t - state.t, self.clock

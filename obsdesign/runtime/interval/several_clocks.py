@@ -7,13 +7,13 @@ smaller one, and none makes a box larger: a sample that is missing never narrows
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.column_names import signal_columns
@@ -51,7 +51,7 @@ class ClockedState(NamedTuple):
     refutation: str = ""
 
 
-class _Measured(NamedTuple):
+class Measured(NamedTuple):
     """Measurements of all outputs less the middle of their noise (p,), NaN where missing.
 
     radius (p,): of the noise, with the rounding of the middle.
@@ -61,11 +61,27 @@ class _Measured(NamedTuple):
     radius: Matrix
 
 
-class _Cut(NamedTuple):
+class Cut(NamedTuple):
     """A box after the operations of a row so far, and what contradicts it."""
 
     box: Matrix
     faults: tuple[str, ...] = ()
+
+
+class Row(NamedTuple):
+    """A sample, checked.
+
+    y: measurements as they are; u, held: input and bounds of b from t on; complete: the
+    measurements that widths count on; events: places of those that happen, with their known inputs.
+    """
+
+    t: float
+    y: Matrix | None
+    u: Matrix
+    held: Matrix
+    complete: Matrix | None
+    measured: Measured
+    events: Sequence[tuple[int, Matrix]]
 
 
 @dataclass(frozen=True)
@@ -100,6 +116,16 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
 
         NaN in y marks an output that is missing. ValueError if time decreases.
         """
+        row = self.row_of(state, sample)
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
+            cut = self.flowed(state, row.t)
+            if self._silent.any:
+                cut = self.sampled(cut, self._unsent(state, row))
+            cut = self.used(cut, row.measured, row.events)
+        return self.after_row(state, row, cut)
+
+    def row_of(self, state: ClockedState, sample: Sample) -> Row:
+        """A sample, checked; ValueError for one that cannot follow the state."""
         t = later(sample.t, state.t, state.started, may_repeat=True)
         own, events = sample.bounds or Bounds(), self._clocks.places(sample)
         y = None if sample.y is None else vector(sample.y, self.gains.p, "y")
@@ -107,18 +133,27 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         held = np.stack(self.declared_bounds.b.completed(own.b))
         if own.c is not None:
             raise ValueError("bounds of c are not used with several clocks.")
-        known = [self._clocks.inputs(sample, event) for event in events]
-        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
-            cut = self._row(state, t, self._measured(y, own), list(zip(events, known, strict=True)))
+        known = [(event, self.known_inputs(sample, event)) for event in events]
+        return Row(t, y, u, held, self._complete(y), self._measured(y, own), known)
+
+    def known_inputs(self, sample: Sample, event: int) -> Matrix:
+        """Known inputs of an event of a sample."""
+        return self._clocks.inputs(sample, event)
+
+    def after_row(self, state: ClockedState, row: Row, cut: Cut) -> tuple[ClockedState, Estimate]:
+        """The state and the estimate where a row leaves this box."""
+        t, events = row.t, [event for event, _ in row.events]
         kept, not_kept = self._clocks.after(
-            Kept(state.guards, state.sampled), t, self._complete(y), events
+            Kept(state.guards, state.sampled), t, row.complete, events
         )
         refutation = state.refutation
         reasons = [*cut.faults, *not_kept, *([refutation] if refutation else [])]
         if cut.faults and cut.faults[0] != BoundsFault.OVERFLOWED.value and not refutation:
             refutation = f"void since time {t:.9g} ({cut.faults[0]})"
-        following = ClockedState(t, cut.box, u, held, kept.guards, True, kept.sampled,
-                                 self._silent.sent(state.sent, y), refutation)  # fmt: skip
+        following = ClockedState(
+            t, cut.box, row.u, row.held, kept.guards, True, kept.sampled,
+            self._silent.sent(state.sent, row.y), refutation,
+        )  # fmt: skip
         names = [self.gains.events[k].name for k in events]
         lower, upper = cut.box[: self.n], -cut.box[self.n :]
         listed = tuple((t, text) for text in names + reasons)
@@ -139,35 +174,40 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
             b, None, declared_noise(self.gains.noise_bound, self.gains.noise_centre)
         )
 
-    def _row(
-        self, state: ClockedState, t: float, y: _Measured, events: Sequence[tuple[int, Matrix]]
-    ) -> _Cut:
-        """The box after the step to t, its samples and its events."""
+    def used(self, cut: Cut, y: Measured, events: Sequence[tuple[int, Matrix]]) -> Cut:
+        """A box after the samples and events of a row."""
+        for event, measured in self.in_turn(y, events):
+            if event is None:
+                cut = self.sampled(cut, measured)
+            else:
+                cut = self.happened(cut, *event, measured)
+        return cut
+
+    def in_turn(
+        self, y: Measured, events: Sequence[tuple[int, Matrix]]
+    ) -> Iterator[tuple[tuple[int, Matrix] | None, Measured]]:
+        """Samples (None) and events of a row in their order, each with what was measured at it."""
         after = np.asarray(self._clocks.sees == "after")
         late = after if events else np.zeros_like(after)
-        cut = self._moved(state, t)
-        if self._silent.any:
-            cut = self._sampled(cut, self._unsent(state, t, y.y, late))
-        cut = self._sampled(cut, y._replace(y=np.where(late, np.nan, y.y)))
+        yield None, y._replace(y=np.where(late, np.nan, y.y))
         # what saw the state before the events corrects the first of them alone
         nothing = np.full_like(y.y, np.nan)
-        for k, (event, w) in enumerate(events):
-            seen_before = nothing if k else np.where(after, nothing, y.y)
-            cut = self._happened(cut, event, w, y._replace(y=seen_before))
-        return self._sampled(cut, y._replace(y=np.where(late, y.y, np.nan)))
+        for k, event in enumerate(events):
+            yield event, y._replace(y=nothing if k else np.where(after, nothing, y.y))
+        yield None, y._replace(y=np.where(late, y.y, np.nan))
 
-    def _moved(self, state: ClockedState, t: float) -> _Cut:
+    def flowed(self, state: ClockedState, t: float) -> Cut:
         """The box after the flow up to t."""
         h, dt = t - state.t, self.gains.dt
         count = 0 if dt is None else steps_between(state.t, t, dt)
         if h == 0.0 or (dt is not None and count == 0):
-            return _Cut(state.box)
+            return Cut(state.box)
         size = max(abs(t), abs(state.t))
         k = self._kernels.step(h, size) if dt is None else self._kernels.steps(count)
         v = k.vector(state.box, None, None, np.concatenate([state.u, *midpoint(*state.held)]))
         return _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
 
-    def _sampled(self, cut: _Cut, measured: _Measured) -> _Cut:
+    def sampled(self, cut: Cut, measured: Measured) -> Cut:
         """The box cut with the samples of each sensor in turn; whole where a sample contradicts."""
         for place, own in enumerate(self.gains.outputs):
             y, radius = measured.y[own], measured.radius[own]
@@ -183,15 +223,15 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
             if crossed(box):
                 faults = faults or [BoundsFault.CROSSED.value]
                 box = cut.box
-            cut = _Cut(box, (*cut.faults, *faults))
+            cut = Cut(box, (*cut.faults, *faults))
         return cut
 
-    def _unsent(
-        self, state: ClockedState, t: float, y: Matrix, late: NDArray[np.bool_]
-    ) -> _Measured:
-        """Readings of sensors that send on change and are silent; none of those that are late."""
-        known = self._silent.readings(state.sent, state.sampled, t, y)
-        measured = self._measured(np.where(late, np.nan, known), Bounds())
+    def _unsent(self, state: ClockedState, row: Row) -> Measured:
+        """Readings of silent sensors that send on change, before the events of a row."""
+        known = self._silent.readings(state.sent, state.sampled, row.t, row.y)
+        if row.events:
+            known = np.where(self._clocks.sees == "after", np.nan, known)
+        measured = self._measured(known, Bounds())
         radius = np.nextafter(measured.radius + self._silent.change, np.inf)
         return measured._replace(radius=radius)
 
@@ -202,7 +242,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         least = np.minimum(*np.split(room, 2))
         return [f"{title} outside its bounds" for title in titles[least < 0].tolist()]
 
-    def _happened(self, cut: _Cut, event: int, w: Matrix, measured: _Measured) -> _Cut:
+    def happened(self, cut: Cut, event: int, w: Matrix, measured: Measured) -> Cut:
         """The box after an event: with its correction too where all that it uses is measured."""
         used = self._kernels.used[event]
         corrected = bool(used.any() and np.isfinite(measured.y[used]).all())
@@ -211,20 +251,20 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         v = k.vector(cut.box, None, y, np.concatenate([w, radius]))
         following = _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
         if corrected and crossed(following.box):  # the correction contradicts the box
-            plain = self._happened(cut, event, w, measured._replace(y=np.full_like(y, np.nan)))
+            plain = self.happened(cut, event, w, measured._replace(y=np.full_like(y, np.nan)))
             return plain._replace(faults=(*plain.faults, BoundsFault.CROSSED.value))
         return following._replace(faults=(*cut.faults, *following.faults))
 
-    def _measured(self, y: Matrix | None, own: Bounds) -> _Measured:
+    def _measured(self, y: Matrix | None, own: Bounds) -> Measured:
         """Measurements as the middle of what y - v may be, and its radius, rounded outward."""
         lower, upper = self.declared_bounds.v.completed(own.v)
         if y is None:
-            return _Measured(np.full(self.gains.p, np.nan), upper)
+            return Measured(np.full(self.gains.p, np.nan), upper)
         low, high = y - upper, y - lower
         is_exact = (lower == 0.0) & (upper == 0.0)
         low = np.where(is_exact, low, np.nextafter(low, -np.inf))
         high = np.where(is_exact, high, np.nextafter(high, np.inf))
-        return _Measured(*midpoint(low, high))
+        return Measured(*midpoint(low, high))
 
     def _complete(self, y: Matrix | None) -> Matrix | None:
         """Measurements of the sensors all of whose outputs are there: those that widths count on.
@@ -255,8 +295,8 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         return SilentSensors(self.gains.sensors)
 
 
-def _bounded(n: int, box: Matrix, finite: bool) -> _Cut:
+def _bounded(n: int, box: Matrix, finite: bool) -> Cut:
     """A box, or the only sound one where numbers overflowed."""
     if finite:
-        return _Cut(box)
-    return _Cut(np.full(2 * n, -np.inf), (BoundsFault.OVERFLOWED.value,))
+        return Cut(box)
+    return Cut(np.full(2 * n, -np.inf), (BoundsFault.OVERFLOWED.value,))

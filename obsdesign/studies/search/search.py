@@ -6,19 +6,27 @@ Both sides of the bracket are decided: one is proved, the other refuted or undec
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from lmi.decide.dwell_problem import Direction
 from lmi.decide.dwell_search import ACCURACY
 from lmi.time_budget import TimeBudget
 from obsdesign import workflow
 from obsdesign.errors import InputError
-from obsdesign.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
+from obsdesign.kinds import (
+    DWELL_SEARCHES,
+    LARGEST_TIME_ERROR,
+    PERIOD_SEARCHES,
+    SEARCHES,
+    TAKING_TIME_ERRORS,
+)
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.several_clocks import require_known_time, require_no_modes
+from obsdesign.problem.several_clocks import require_continuous_time, require_no_modes
 from obsdesign.studies.search.dwell_time import search_dwell_time
 from obsdesign.studies.search.period import search_period
 from obsdesign.studies.search.result import SearchResult
 from obsdesign.studies.search.stays import search_stays
+from obsdesign.studies.search.time_error import search_time_error
 
 
 def search(
@@ -27,6 +35,7 @@ def search(
     accuracy: float = ACCURACY,
     *,
     of: str | None = None,
+    width: Sequence[float] | None = None,
     seconds: float | None = None,
 ) -> workflow.Outcome:
     """The bracket for `what`; accuracy is its relative width.
@@ -37,12 +46,17 @@ def search(
 
     seconds: of processor time that searches may take in all; None for their own budgets, which a
     larger total stretches until the bracket is as tight as `accuracy`. of: the mode whose stays are
-    searched; None for all.
+    searched, None for all; or the event. width: of largest_time_error, (n,): the largest widths.
     """
+    if width is not None and what != LARGEST_TIME_ERROR:
+        raise InputError(f"--width is available for {LARGEST_TIME_ERROR} alone; got {what}.")
     require_search(problem, what, accuracy, of)
     best: workflow.Outcome | None = None
     for budget in TimeBudget.from_seconds(seconds).attempts():
-        outcome = _searched(problem, what, of, accuracy, budget)
+        if what == LARGEST_TIME_ERROR:
+            outcome = search_time_error(problem, of, width, accuracy, budget)
+        else:
+            outcome = _searched(problem, what, of, accuracy, budget)
         best = outcome if best is None else max(best, outcome, key=lambda o: _quality(o, what))
         if not SearchResult.from_dict(outcome.result).ended:
             break
@@ -85,10 +99,13 @@ def require_search(
 ) -> None:
     """InputError unless `search` knows this limit for a problem of this kind."""
     kind, modes = problem.require_kind(), [mode.name for mode in problem.plant.modes]
+    if what == LARGEST_TIME_ERROR and kind in TAKING_TIME_ERRORS:
+        require_accuracy(accuracy)
+        return
     if of is not None and not modes:
         raise InputError(f"--of names a mode; the plant has none; got {of!r}.")
     require_no_modes(modes, kind)
-    require_known_time(problem.plant.flow.dt, kind)
+    require_continuous_time(problem.plant.flow.dt, kind)
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
     if kind == "finite_time" and what in PERIOD_SEARCHES:

@@ -19,6 +19,7 @@ from obsdesign.analysis.interval.event_graph import (
     stability_graph,
     width_graph,
 )
+from obsdesign.analysis.interval.late_system import LateSystem
 from obsdesign.analysis.interval.step_graph import step_graph
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 
@@ -36,6 +37,8 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
     """Certificates of `event_stability` and `event_width`, or the limits of their searches."""
     if gains.dt is not None:
         return step_certificates(gains, budget)
+    if any(event.time_error is not None for event in gains.events):
+        return {"late_width": _late_certificate(gains, budget)}
     system = ClockSystem(gains)
     first, most = _FOR_STABILITY
     stability = _certificate(system, stability_graph, (first, most), budget)
@@ -43,6 +46,14 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
         return {"event_stability": stability}
     width = _certificate(system, width_graph, (_first_cells(system), _FOR_WIDTH[1]), budget)
     return {"event_stability": stability, "event_width": width}
+
+
+def _late_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEntries:
+    """That of `late_width`; without a tube where its reason is known, or there are more events."""
+    late = LateSystem(gains)
+    if len(gains.events) > 1 or late.reason_against() is not None:
+        return {}
+    return _certificate(late, width_graph, _FOR_WIDTH, budget)
 
 
 def _first_cells(system: ClockSystem) -> int:

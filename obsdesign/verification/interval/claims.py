@@ -35,6 +35,7 @@ from obsdesign.verification.dwell import (
     source_of,
 )
 from obsdesign.verification.gain_constraints import constraint_claims
+from obsdesign.verification.interval.late_width import late_claims
 from obsdesign.verification.interval.obstruction import obstruction_claim, with_hints
 from obsdesign.verification.interval.sampled import at_any_spacing, samples_claim, spacing_claim
 from obsdesign.verification.interval.several_clocks import clocked_claims
@@ -78,6 +79,8 @@ def claims(
     where one was found; they are checked.
     """
     del budget  # proofs end by their number of boxes
+    if problem.plant.uncertain_events:
+        return late_claims(problem, stored, certificates)
     if problem.plant.acts_in_turns:
         return clocked_claims(problem, stored, certificates)
     agreement, gains = consistent_gains(

@@ -10,6 +10,7 @@ from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import constraint_sentences
+from obsdesign.verification.interval.late_width import late_guarantees, late_states
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.several_clocks import clocked_guarantees, clocked_states
 from obsdesign.verification.interval.width import width_sentence
@@ -27,6 +28,8 @@ _ENCLOSURE = (
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those that were required and not proved."""
     plant = problem.plant
+    if plant.uncertain_events:
+        return late_guarantees(claims)
     if plant.acts_in_turns:
         return clocked_guarantees(problem, claims)
     verdicts = {claim.id: claim.verdict for claim in claims}
@@ -77,6 +80,8 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
 
 def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
     """Sensor strip and proved width of each state, of a plant with several clocks."""
+    if problem.plant.uncertain_events:
+        return late_states(problem, claims)
     return clocked_states(problem, claims) if problem.plant.acts_in_turns else ()
 
 

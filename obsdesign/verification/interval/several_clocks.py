@@ -103,7 +103,7 @@ def clocked_claims(
     found; the graph is made from the problem, and the tube is checked on it.
     """
     reason = reason_against_clocks(problem)
-    expected = {} if reason is not None else _expected(problem, stored)
+    expected = {} if reason is not None else expected_of_clocks(problem, stored)
     agreement, gains = consistent_gains(
         reason, stored, expected, ClockedIntervalGains.from_document
     )
@@ -124,7 +124,7 @@ def clocked_claims(
         f"the width of the bounds comes to at most `always` at any time {clocks}"
         + (", and at most `before` and `after` each event" if gains.events else ""),
         _SOURCE,
-        _width(system, certificates.get("event_width", {})),
+        proved_width(system, certificates.get("event_width", {})),
     )
     return (agreement, stability, width)
 
@@ -134,7 +134,7 @@ def _stability(system: ClockSystem, proposed: Entries) -> Verdict:
     return _tube(system, stability_graph, proposed)[0]
 
 
-def _width(system: ClockSystem, proposed: Entries) -> Verdict:
+def proved_width(system: ClockSystem, proposed: Entries) -> Verdict:
     """The tube of a certificate, proved, and what it comes to."""
     verdict, nodes = _tube(system, width_graph, proposed)
     if not _is(verdict) or nodes is None:
@@ -245,7 +245,7 @@ def clocked_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWi
     )
 
 
-def _expected(problem: Problem, stored: Entries) -> NewEntries:
+def expected_of_clocks(problem: Problem, stored: Entries) -> NewEntries:
     """Entries of the gains: the plant's numbers, given gains, and the shapes of the others."""
     plant, n, p = problem.plant, problem.plant.n, problem.plant.p
     shapes = {"L": (n, p), "M": (len(plant.events), n, p)}

@@ -1,0 +1,261 @@
+"""Width maps of an interval observer with one event at uncertain times, G = I; upper bounds.
+
+The state is kept as a body, a box, and a curve for each of the last events (`runtime`): its width
+is at most that of the body and of the curves. An event at s, within delta of its stamp, adds
+e^{A(t - s)} (gamma + c) to the state: about the middle m of its window the curve of gamma is
+sum_i eta^i (-delta)^i / i! A^i e^{A(t - m)} gamma, i from 1 on; what c adds belongs to the body.
+
+Times count from the end of one window to the beginning of the next: stamps T1 to T2 apart leave
+T1 - 2 delta to T2. In the window the body flows on, for at most 2 delta, without samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import exact, to_float
+from lmi.arithmetic.enclosure import Enclosure, expm, raised
+from lmi.bounds.graph_tube import Least
+from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.equations.boxes import image_box
+from obsdesign.equations.clocks import EventGains
+from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
+from obsdesign.equations.interval.late_jump import DEGREE, MOST_CURVES, LateJump
+
+_CELLS = 64  # of a window
+_AGES = 128  # of the shortest time between two stamps
+_DOUBLINGS = 60
+_LARGEST_FLOW = 1e50  # beyond, the flow is taken to grow for ever
+
+
+@dataclass(frozen=True)
+class LateSystem(ClockSystem):
+    """Width maps of the body; of samples with the curves as part of the noise."""
+
+    @classmethod
+    def from_gains(cls, gains: ClockedIntervalGains) -> ClockSystem:
+        """The system of a design: with or without uncertain times."""
+        late = any(event.time_error is not None for event in gains.events)
+        return cls(gains) if late else ClockSystem(gains)
+
+    @property
+    def event(self) -> EventGains:
+        """The one event."""
+        return self.gains.events[0]
+
+    @property
+    def delta(self) -> float:
+        """Largest time between it and its stamp."""
+        return self.event.time_error or 0.0
+
+    def reason_against(self) -> str | None:
+        """Reason why widths are not bounded, or None."""
+        event, name = self.event, self.event.name
+        if event.dwell_time is None:
+            return f"event.{name}.every is not stated"
+        if not np.array_equal(event.G, np.eye(self.gains.n)):
+            return (
+                f"event.{name}.G is not the identity: how far the state moves in time_error then "
+                "depends on the state itself, which nothing bounds"
+            )
+        if event.E is not None and event.input_bound is None:
+            return (
+                f"event.{name}.input_bound is not stated: the width grows with time_error times "
+                "what the event adds"
+            )
+        if self._largest_flow is None:
+            return "the flow does not decay: a curve of an event's time would not become narrower"
+        return None
+
+    @cached_property
+    def counted(self) -> tuple[int, ...]:
+        """Sensors with a sample in every time from the end of a window to the next one."""
+        shortest = self.dwell(0)[0]
+        return tuple(k for k in ClockSystem(self.gains).counted if self.gap(k) <= shortest)
+
+    def longest_silence(self, sensor: int, age: Fraction) -> Fraction:
+        """The gap, whatever the age: samples in a window are not used, and its time is left out."""
+        return self.gap(sensor)
+
+    def dwell(self, event: int) -> tuple[float, float]:
+        """(shortest, longest) time from the end of a window to the next one."""
+        low, high = super().dwell(event)
+        rest = Fraction(low) - 2 * Fraction(self.delta)
+        return math.nextafter(float(rest), 0.0), high
+
+    def sampled(self, sensor: int) -> Least:
+        """What a sample of a sensor makes of the width of the body."""
+        own = self.gains.outputs[sensor]
+        half = 2 * exact(self.curves.outputs[own])
+        # the strip and the corrected box of noise that is wider by the curves
+        wider = ClockSystem(self.gains).sampled(sensor)
+        L, C = exact(self.gains.L[:, own]), exact(self.gains.C[own])
+        added = [half[0] * 0, abs(L) @ half]
+        maps = [(N, k + extra) for (N, k), extra in zip(wider.maps[:2], added, strict=True)]
+        for (N, k), c, extra in zip(wider.maps[2:], C, half, strict=True):
+            share = np.array([extra / abs(x) if x != 0 else x * 0 for x in c], dtype=object)
+            maps.append((N, k + share))
+        return Least(tuple(maps))
+
+    def happened(self, events: Sequence[int]) -> tuple[Least, ...]:
+        """What a window makes of the width of the body."""
+        flow, delta = exact(self._window_flow), exact(np.array(self.delta))[()]
+        c_lower, c_upper = image_box(*self.event.disturbance)
+        c = exact(c_upper) - exact(c_lower)
+        rest = (
+            exact(self._c_spread) @ c + 2 * exact(self._remainder) + 2 * exact(self.curves.folded)
+        )
+        return (Least(((flow, 2 * delta * (flow @ self.f) + rest),)),)
+
+    @cached_property
+    def curves(self) -> CurveSizes:
+        """Half ranges of the curves."""
+        return CurveSizes.from_system(self)
+
+    @cached_property
+    def added(self) -> Matrix:
+        """Columns (n, k): their sum, each with any sign, is what an event adds beside c."""
+        lower, upper = image_box(*self.event.disturbance)
+        middle = (lower + 0.5 * (upper - lower))[:, None]
+        if self.event.E is None or self.event.input_bound is None:
+            return middle
+        scaled = self.event.E * self.event.input_bound
+        return np.hstack([middle, np.where(scaled == 0, 0.0, scaled * (1 + 4e-16))])
+
+    @cached_property
+    def _window_flow(self) -> Matrix:
+        """Upper bound of e^{W s} for s from 0 to the length of the window, (n, n)."""
+        W, h = to_float(self.W), 2 * self.delta / _CELLS
+        step = expm(_between(W, h))
+        short = expm(_between(np.maximum(W, 0.0), h)).upper
+        flow, largest = Enclosure.exactly(np.eye(len(W))), short
+        for _ in range(_CELLS - 1):
+            flow = step @ flow
+            largest = np.maximum(largest, _times(short, np.maximum(flow.upper, 0.0)))
+        return largest
+
+    @cached_property
+    def _c_spread(self) -> Matrix:
+        """Upper bound of sum_i d^i / i! |A^i e^{A d}|, d from 0 to delta, i from 0 on, (n, n)."""
+        A, n = self.gains.A, self.gains.n
+        h = self.delta / _CELLS
+        step, short = expm(_between(A, h)), expm(_between(np.abs(A), h)).upper
+        flow, largest = Enclosure.exactly(np.eye(n)), np.zeros((n, n))
+        for k in range(_CELLS):
+            terms = _scaled_powers(A, flow, (k + 1) * h)
+            total = raised(np.sum([x.magnitude for x in terms], axis=0), len(terms) + 2)
+            largest = np.maximum(largest, _times(total, short))
+            flow = step @ flow
+        return raised(largest + self._late.remainder[:, 2 * n :], 1)
+
+    @cached_property
+    def _remainder(self) -> Matrix:
+        """What the polynomial of the added columns leaves, (n,)."""
+        n = self.gains.n
+        rest = _times(self._late.remainder[:, 2 * n :], np.abs(self.added))
+        return raised(rest.sum(axis=1), rest.shape[1] + 1)
+
+    @cached_property
+    def _late(self) -> LateJump:
+        """Of the longest window."""
+        h = math.nextafter(2 * self.delta, math.inf)
+        return LateJump.from_window(self.gains.A, np.eye(self.gains.n), h, 0.0)
+
+    @cached_property
+    def largest_flow(self) -> Matrix:
+        """Upper bound of |e^{A s}| for all s >= 0 (n, n)."""
+        assert self._largest_flow is not None
+        return self._largest_flow
+
+    @cached_property
+    def _largest_flow(self) -> Matrix | None:
+        """The same; None where no decay is found."""
+        A = self.gains.A
+        h = 0.5 / max(float(np.abs(A).sum(axis=1).max()), 1e-300)
+        flow, largest = expm(_between(A, h)), expm(_between(np.abs(A), h)).upper
+        for _ in range(_DOUBLINGS):
+            size = flow.magnitude
+            norm = float(size.sum(axis=1).max()) * (1 + 1e-12)
+            if norm <= 0.5:  # the powers add up to at most this part of the largest entry
+                return raised(largest + norm * float(largest.max()), 4)
+            if not norm <= _LARGEST_FLOW:
+                return None
+            largest = np.maximum(largest, _times(size, largest))
+            flow = flow @ flow
+        return None
+
+
+@dataclass(frozen=True)
+class CurveSizes:
+    """Upper bounds of half the ranges of the curves of the last events, together.
+
+    always (n,): at any time after a window; before (n,): just before a window; outputs (p,): of C x
+    at any time after a window; folded (n,): of a curve that becomes part of the body.
+    """
+
+    always: Matrix
+    before: Matrix
+    outputs: Matrix
+    folded: Matrix
+
+    @classmethod
+    def from_system(cls, system: LateSystem) -> CurveSizes:
+        """Those of a system whose flow decays."""
+        n, C = system.gains.n, system.gains.C
+        shortest = ClockSystem(system.gains).dwell(0)[0]
+        sizes = _sizes_by_age(system, np.vstack([np.eye(n), C]), shortest)
+
+        def since(k: int) -> Matrix:
+            """The largest of ages from k shortest times less the window on."""
+            age = k * shortest - 2 * system.delta * (1 + 1e-12)
+            first = max(math.floor(age / shortest * _AGES) - 1, 0)
+            return np.asarray(sizes[first:].max(axis=0))
+
+        kept = range(MOST_CURVES)
+        live = raised(np.sum([since(k) for k in kept], axis=0), MOST_CURVES)
+        before = raised(np.sum([since(k + 1) for k in kept], axis=0), MOST_CURVES)
+        return cls(live[:n], before[:n], live[n:], since(MOST_CURVES)[:n])
+
+
+def _sizes_by_age(system: LateSystem, rows: Matrix, shortest: float) -> Matrix:
+    """Half ranges of rows times a curve by its age, in cells of the shortest time.
+
+    (MOST_CURVES + 1) _AGES + 1 of them; the last one is for all ages from there on.
+    """
+    A, h = system.gains.A, shortest / _AGES
+    added = Enclosure.exactly(system.added)
+    terms = _scaled_powers(A, added, system.delta)[1:]
+    Q = Enclosure(*(np.hstack([getattr(x, part) for x in terms]) for part in ("mid", "rad")))
+    step, within = expm(_between(A, h)), raised(system.largest_flow, 1)
+    exact_rows, exact_A, sizes = Enclosure.exactly(rows), Enclosure.exactly(A), []
+    for _ in range((MOST_CURVES + 1) * _AGES):
+        slope = _times(np.abs(rows), _times(within, (exact_A @ Q).magnitude)) * (h * (1 + 1e-12))
+        sizes.append(raised(((exact_rows @ Q).magnitude + slope).sum(axis=1), 2 * Q.mid.shape[1]))
+        Q = step @ Q
+    tail = _times(np.abs(rows), _times(within, Q.magnitude))
+    return np.array([*sizes, raised(tail.sum(axis=1), 2 * Q.mid.shape[1])])
+
+
+def _scaled_powers(A: Matrix, X: Enclosure, d: float) -> list[Enclosure]:
+    """d^i / i! A^i X for i up to the degree of curves."""
+    terms, once = [X], _between(A, d)
+    for i in range(1, DEGREE + 1):
+        terms.append((once @ terms[-1]).scaled(1.0 / i, 2.0**-53 / i))
+    return terms
+
+
+def _between(A: Matrix, h: float) -> Enclosure:
+    """A h."""
+    return Enclosure.exactly(A).scaled(h, 2.0**-52 * abs(h))
+
+
+def _times(X: Matrix, Y: Matrix) -> Matrix:
+    """A product of matrices >= 0, rounded up."""
+    return raised(X @ Y, 2 * X.shape[1])

@@ -1,0 +1,124 @@
+"""The interval observer with an event at uncertain times: the width of its bounds.
+
+A tube of the width of the body on the graph of the clocks, and the ranges of the curves of the last
+events beside it (`analysis.interval.late_system`). Both are made here from the problem.
+"""
+
+from __future__ import annotations
+
+from decimal import ROUND_CEILING
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
+from lmi.verdict import Verdict, proved, undecided
+from obsdesign.analysis.interval.late_system import LateSystem
+from obsdesign.analysis.interval.several_clocks import reason_against_clocks
+from obsdesign.document import Claim, Guarantee
+from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
+from obsdesign.problem.problem import Problem
+from obsdesign.verification.consistency import consistent_gains
+from obsdesign.verification.interval.several_clocks import expected_of_clocks, proved_width
+from obsdesign.verification.rates import six_digits
+from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
+from obsdesign.verification.state_widths import StateWidths, sensor_strips
+
+_ENCLOSURE = (
+    "The bounds contain the state at every row, if they contain it at the start, b, c and v stay "
+    "inside their bounds and every event happens within its time_error of its stamp; this holds "
+    "for samples of each sensor at any spacing, missing ones included, for any times between "
+    "events and whatever the rounding."
+)
+_NO_WIDTH = "No width of the bounds is guaranteed: {}."
+_SOURCE = "docs/uncertain_times.md; comparison with fewer samples"
+
+
+def late_claims(
+    problem: Problem, stored: Entries, certificates: EntriesByClaim
+) -> tuple[Claim, ...]:
+    """All claims of the design, each with its verdict; stored: gains as a file states them.
+
+    certificates: {"late_width": {"cells", "tube"}} where it was found; it is checked.
+    """
+    reason = reason_against_clocks(problem)
+    expected = {} if reason is not None else expected_of_clocks(problem, stored)
+    agreement, gains = consistent_gains(
+        reason, stored, expected, ClockedIntervalGains.from_document
+    )
+    if gains is None or len(gains.events) > 1:
+        return (agreement,)
+    name = gains.events[0].name
+    width = Claim.from_verdict(
+        "late_width",
+        f"as events {name} go on, the width of the bounds comes to at most `before` just before an "
+        f"event may happen, `after` once it has, and `always` at any time farther than time_error "
+        "from every stamp, for all times of events, stamps and samples that the clocks allow and "
+        "known inputs within input_bound",
+        _SOURCE,
+        _width(LateSystem(gains), certificates.get("late_width", {})),
+    )
+    return (agreement, width)
+
+
+def _width(system: LateSystem, proposed: Entries) -> Verdict:
+    """The tube of a certificate, proved, and what it comes to with the curves."""
+    if reason := system.reason_against():
+        return undecided(reason)
+    verdict = proved_width(system, proposed)
+    if verdict.outcome != "proved":
+        return verdict
+    body, curves, name = verdict.evidence, system.curves, system.event.name
+    with_curves = {
+        "always": _plus(body["always"], curves.always),
+        "before": _plus(body["before"][name], curves.before),
+        "after": _plus(body["after"][name], curves.always),
+    }
+    return proved(**{**body, **with_curves, "body": body["always"]})
+
+
+def _plus(body: list[float], half: Matrix) -> list[float]:
+    """Width of a body and of curves, rounded up."""
+    total: list[float] = np.nextafter(np.array(body) + 2 * half, np.inf).tolist()
+    return total
+
+
+def late_guarantees(claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
+    """The sentences a user may rely on."""
+    verdicts = {claim.id: claim.verdict for claim in claims}
+    enclosure = Guarantee.from_verdicts(_ENCLOSURE, ["consistent"], verdicts)
+    evidence = next((claim.evidence for claim in claims if claim.id == "late_width"), None)
+    if evidence is None:
+        why = "the times of several events are independent"
+        return (enclosure, Guarantee.not_proved(_NO_WIDTH.format(why)))
+    if verdicts["late_width"] != "proved":
+        return (enclosure,)
+    width = Guarantee.from_verdicts(_width_sentence(evidence), ["late_width"], verdicts)
+    return (
+        enclosure, width, Guarantee.from_verdicts(ROUNDED_WIDTHS, ["late_width"], verdicts)
+    )  # fmt: skip
+
+
+def _width_sentence(evidence: Entries) -> str:
+    words = {
+        "always": "farther than time_error from every stamp",
+        "before": "just before an event may happen",
+        "after": "once it has happened",
+    }
+    parts = [
+        f"({', '.join(six_digits(x, ROUND_CEILING) for x in evidence[name])}) {text}"
+        for name, text in words.items()
+    ]
+    return (
+        f"In the long run the width of the bounds comes to at most {', '.join(parts)}. While an "
+        "event may have happened or not, the bounds contain both."
+    )
+
+
+def late_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
+    """Sensor strip and proved width of each state."""
+    proved_of = {claim.id: claim.evidence for claim in claims if claim.verdict == "proved"}
+    width = proved_of.get("late_width", {}).get("always", [None] * problem.plant.n)
+    return tuple(
+        StateWidths(f"x{i + 1}", None, strip, width[i], None, None, None)
+        for i, strip in enumerate(sensor_strips(problem.plant.outputs))
+    )

@@ -1,0 +1,146 @@
+"""Widths where the times of an event are uncertain: proved, never exceeded, refused where open."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign import workflow
+from obsdesign.data.simulation import simulate
+from obsdesign.document import Claim, Design
+from obsdesign.problem.problem import Problem
+from obsdesign.runtime import from_design
+from obsdesign.runtime.base import Sample, rows_of
+from obsdesign.verification.interval.late_width import late_claims
+
+PK: dict[str, Any] = {
+    "flow": {
+        "A": [[-1, 0, 0], [1, -0.5, 0.2], [0, 0.3, -0.2]],
+        "disturbance": {"lower": [0, -0.3, 0], "upper": [0, 0.3, 0]},
+    },
+    "event": [
+        {
+            "name": "dose", "E": [[100], [0], [0]], "input_bound": [1], "every": [6, 14],
+            "disturbance": {"lower": [-4, 0, 0], "upper": [4, 0, 0]}, "time_error": 0.25,
+        }
+    ],
+    "sensor": [{"name": "plasma", "C": [[0, 0.05, 0]], "noise_bound": 0.02, "every": [0, 5]}],
+    "observer": {"kind": "interval"},
+}  # fmt: skip
+
+
+def changed(**event: Any) -> Problem:
+    body = copy.deepcopy(PK)
+    own = body["event"][0]
+    own |= event
+    body["event"] = [{key: value for key, value in own.items() if value is not None}]
+    return Problem(**body)
+
+
+@pytest.fixture(scope="module")
+def design() -> Design:
+    return obsdesign.design(Problem(**PK))
+
+
+def late(design: Design) -> Claim:
+    return next(claim for claim in design.claims if claim.id == "late_width")
+
+
+def test_the_width_is_proved_again_without_a_solver(design: Design) -> None:
+    outcome = workflow.verify(design)
+    assert outcome.verdict == "proved"
+    assert late(design).verdict == "proved"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bounds_that_run_are_within_the_widths(design: Design, seed: int) -> None:
+    """Doses of either end, as often as they may be, and samples as seldom: after a long run."""
+    rng = np.random.default_rng(seed)
+    observer: Any = from_design(design)
+    t, rows = 0.0, [Sample(0.0)]
+    for _ in range(14):
+        t += 6.0 if seed < 2 else float(rng.uniform(6, 14))
+        w = np.array([1.0 if seed == 0 else float(rng.choice([-1, 1]))])
+        rows += [Sample(t - 0.2501), Sample(t, w=w, jump=True, events=(0,)), Sample(t + 0.2501)]
+        rows += [Sample(t + age) for age in (1.0, 2.0, 5.0)]
+    evidence = late(design).evidence
+    state = observer.init(0.0, lower=[0, 0, 0], upper=[0, 0, 0])
+    listed = list(observer.run(state, rows))
+    widths = np.array([e.upper - e.lower for e in listed])[-36:].reshape(6, 6, 3)
+    before, _, after, *others = widths.transpose(1, 0, 2)
+    assert (before <= evidence["before"]).all()
+    assert (after <= evidence["after"]).all()
+    assert (np.array(others) <= evidence["always"]).all()
+    assert (after.max(axis=0) >= 0.5 * np.array(evidence["after"]))[0]
+
+
+def test_the_state_of_a_simulation_is_inside(design: Design) -> None:
+    run = simulate(
+        Problem(**PK).plant, until=80, initial=np.zeros(3), disturbance="extreme",
+        rng=np.random.default_rng(3),
+    )  # fmt: skip
+    assert run.happened is not None
+    observer: Any = from_design(design)
+    rows = list(rows_of(run.t, run.block("y"), w=run.block("w"), jump=run.happened[:, 0]))
+    state = observer.init(run.t[0], lower=[-1] * 3, upper=[1] * 3)
+    for estimate, x in zip(observer.run(state, rows), run.block("x"), strict=True):
+        assert (estimate.lower <= x + 1e-9).all()
+        assert (x - 1e-9 <= estimate.upper).all()
+        assert "void" not in estimate.status
+
+
+def test_a_lower_tube_is_not_proved(design: Design) -> None:
+    """The twin that must not be proved: a tube that the width leaves."""
+    evidence = late(design).evidence
+    for factor, verdict in ((1.0, "proved"), (0.97, "undecided")):
+        tube = (factor * np.array(evidence["tube"])).tolist()
+        proposed = {"late_width": {"cells": evidence["cells"], "tube": tube}}
+        claims = late_claims(Problem(**PK), design.gains, proposed)
+        assert claims[-1].verdict == verdict
+
+
+def test_a_width_that_was_made_smaller_is_refuted(design: Design) -> None:
+    own = late(design)
+    less = [0.99 * width for width in own.evidence["always"]]
+    forged = replace(own, evidence={**own.evidence, "always": less})
+    claims = tuple(forged if claim is own else claim for claim in design.claims)
+    assert workflow.verify(replace(design, claims=claims)).verdict == "refuted"
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"input_bound": None}, "event.dose.input_bound is not stated"),
+        ({"every": None}, "event.dose.every is not stated"),
+        ({"G": [[1, 0, 0], [0, 0.9, 0], [0, 0, 1]]}, "event.dose.G is not the identity"),
+    ],
+)
+def test_what_is_left_open_is_undecided(change: dict[str, Any], reason: str) -> None:
+    outcome = workflow.investigate(changed(**change))
+    assert outcome.verdict == "undecided"
+    assert reason in next(claim.evidence["reason"] for claim in outcome.claims[1:])
+
+
+def test_a_flow_that_does_not_decay_is_undecided() -> None:
+    body = {**PK, "flow": {"A": [[-1, 0, 0], [1, 0.1, 0.2], [0, 0.3, -0.2]]}}
+    outcome = workflow.investigate(Problem(**body))
+    assert outcome.verdict == "undecided"
+    assert "does not decay" in outcome.claims[-1].evidence["reason"]
+
+
+def test_a_larger_error_has_the_larger_width(design: Design) -> None:
+    smaller = late(obsdesign.design(changed(time_error=0.1))).evidence
+    for name in ("before", "after", "always"):
+        assert (np.array(smaller[name]) < np.array(late(design).evidence[name])).all()
+
+
+def test_other_kinds_refuse_in_a_line() -> None:
+    for kind in ("set_membership", "luenberger", "impulsive"):
+        problem = Problem(**{**PK, "observer": {"kind": kind}})
+        with pytest.raises(obsdesign.InputError, match=r"event\.dose\.time_error: kind"):
+            workflow.investigate(problem)
