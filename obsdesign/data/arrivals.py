@@ -11,6 +11,8 @@ from obsdesign.runtime.late_rows import Arrival, LateRows, received
 
 Remark = Callable[[str], None]
 
+_SILENCE = "a row that is left out counts as silence of a sensor with sends_on_change"
+
 
 @dataclass
 class Arrivals:
@@ -19,7 +21,7 @@ class Arrivals:
     buffer: those that an earlier row may still precede; is_stream: lines come in the order of
     arrival, whatever a column `received` says; remark: called with a sentence for each row that
     comes too late, which is left out; watch: called with each arrival; is_first: is it the first
-    part of a record?
+    part of a record? needs_all: may no row be left out?
     """
 
     buffer: LateRows
@@ -27,6 +29,7 @@ class Arrivals:
     is_stream: bool = False
     watch: Callable[[Arrival], None] | None = None
     is_first: bool = True
+    needs_all: bool = False
 
     def in_order(
         self, samples: Iterator[Sample], name: str, skip: Remark | None, *, has_stamps: bool
@@ -36,7 +39,10 @@ class Arrivals:
         has_stamps: is there a column `received`? Without it rows arrive in the order of lines.
         skip: called with a sentence for a second row of one time, where rows may not share it;
         without it that is an InputError, and so is a first part of which every row comes too late.
+        InputError for a row that comes too late, or skip, where none may be left out.
         """
+        if self.needs_all and skip is not None:
+            raise InputError(f"{name}: --skip-bad is not available: {_SILENCE}.")
         delays, taken = list[float](), 0
         listed: Iterable[tuple[int, Sample]] = enumerate(samples)
         if has_stamps and not self.is_stream:
@@ -49,6 +55,8 @@ class Arrivals:
                     raise InputError(f"{name}: {error}") from None
                 skip(f"{name}: {error} The later one is skipped.")
                 continue
+            if arrival is None and self.needs_all:
+                raise InputError(f"{name}: {self.buffer.reason_against(sample)[:-1]}: {_SILENCE}.")
             if arrival is None:
                 delays.append(self.buffer.now - sample.t)
                 self.remark(f"{name}: {self.buffer.reason_against(sample)}")

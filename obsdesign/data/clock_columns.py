@@ -36,13 +36,15 @@ class ClockColumns:
     """Names of events with their numbers of known inputs, and of sensors with their outputs.
 
     lag: time after which a row is final, the longest `report_delay` plus the largest `time_error`;
-    errors: `time_error` of each event.
+    errors: `time_error` of each event; needs_every_row: does a row without a sample of a sensor
+    that sends on change say that there was none?
     """
 
     events: Mapping[str, int]
     sensors: Mapping[str, int]
     lag: float = 0.0
     errors: tuple[float, ...] = ()
+    needs_every_row: bool = False
 
     @classmethod
     def from_problem(cls, problem: Entries, *, has_events: bool = True) -> ClockColumns | None:
@@ -60,6 +62,7 @@ class ClockColumns:
             {sensor["name"]: len(sensor["C"]) for sensor in problem["sensor"]},
             max(delays) + max(errors, default=0.0),
             errors if any(errors) else (),
+            any("sends_on_change" in sensor for sensor in problem["sensor"]),
         )
 
     @cached_property

@@ -42,7 +42,8 @@ def arrivals_of(
         layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now,
         errors=() if layout.clocks is None else layout.clocks.errors,
     )  # fmt: skip
-    return Arrivals(buffer, remark, is_stream, watch, is_first)
+    needs_all = layout.clocks is not None and layout.clocks.needs_every_row
+    return Arrivals(buffer, remark, is_stream, watch, is_first, needs_all)
 
 
 def final_then_provisional(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+from contextlib import nullcontext as nothing
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,9 +12,11 @@ import pytest
 
 import obsdesign
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.data.execution import execute
 from obsdesign.data.simulation import Simulation, simulate
 from obsdesign.design_file import from_dict
 from obsdesign.document import Design, digest
+from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Estimate, Sample, rows_of
@@ -182,3 +186,33 @@ def test_a_simulated_sensor_sends_what_has_changed_and_what_is_due() -> None:
         elif not happened[k].any():
             assert (np.abs(clean[k] - last) < [0.1, 0.2]).all()
     assert 0 < overdue < np.isfinite(sent[:, 0]).sum() / 2 < len(sent) / 4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_guarantee_says_that_no_sample_may_be_lost(kind: str) -> None:
+    with_change, plain = (design_of(kind, x).to_dict() for x in (SPRING, without_change(SPRING)))
+    word = "but for place, speed (sends_on_change), of which no sample may be lost"
+    assert word in with_change["guarantees"][0]["statement"]
+    assert word not in plain["guarantees"][0]["statement"]
+
+
+def test_no_row_may_be_left_out(tmp_path: Path) -> None:
+    """Neither one that is malformed nor one that comes too late; with plain sensors both may."""
+    lines = [
+        "t,kick,place1,place2,speed,received",
+        "0,,0,0,0,0",
+        "1,,oh,,,1",
+        "1.5,,,,.1,3",
+        "2,,,,,2",
+    ]
+    data = tmp_path / "d.csv"
+    for body in (SPRING, without_change(SPRING)):
+        design, needs_all = str(tmp_path / "design.json"), body is SPRING
+        design_of("interval", body).save(design)
+        for rows, skip in ((lines[:3], True), ([*lines[:2], *lines[3:]], False)):
+            data.write_text("\n".join(rows) + "\n")
+            expected = (
+                pytest.raises(InputError, match="counts as silence") if needs_all else nothing()
+            )
+            with expected:
+                execute(design, str(data), f"{data}.e", [-2, 2, -2, 2], None, skip_bad=skip)

@@ -1,6 +1,7 @@
 """The interval observer for several clocks: its gains, and what follows from its clocks.
 
-The bounds themselves need no hypothesis: no stated time enters them. Their width does: a tube on
+The bounds themselves need no hypothesis: of stated times only the longest silence of a sensor that
+sends on change enters them. Their width does: a tube on
 the graph of the clocks (`analysis.interval.event_graph`), which is made here from the problem.
 """
 
@@ -35,6 +36,7 @@ from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.interval.discrete_time import NO_GRAPH, step_claims
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
+from obsdesign.verification.silent_sensors import with_every_sample
 from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
@@ -207,7 +209,10 @@ def reason_without_tube(system: ClockSystem) -> str:
 def clocked_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
     verdicts = {claim.id: claim.verdict for claim in claims}
-    given = [Guarantee.from_verdicts(x, ["consistent"], verdicts) for x in (_ENCLOSURE, _MONOTONE)]
+    given = [
+        Guarantee.from_verdicts(with_every_sample(text, problem.plant), ["consistent"], verdicts)
+        for text in (_ENCLOSURE, _MONOTONE)
+    ]
     if "event_stability" not in verdicts:
         is_discrete = problem.plant.flow.dt is not None
         return (*given, Guarantee.not_proved(NO_GRAPH)) if is_discrete else tuple(given)

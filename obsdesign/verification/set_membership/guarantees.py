@@ -11,6 +11,7 @@ from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
+from obsdesign.verification.silent_sensors import with_every_sample
 from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
@@ -37,6 +38,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     verdicts = {claim.id: claim.verdict for claim in claims}
     own = problem.plant.flow.d_bounds
     enclosure = _ENCLOSURE if own is None else _ENCLOSURE.replace("b, c and v", "b, c, d and v")
+    enclosure = with_every_sample(enclosure, problem.plant)
     sentences = [(enclosure, ["consistent"]), (_CONTRADICTION, ["consistent"])]
     if own is not None and own.rate is not None:
         sentences.insert(1, (_INPUT, ["consistent"]))
