@@ -77,7 +77,7 @@ WITH_NAMED_GAINS = ("interval",)
 # kinds that take modes: each has modules `modes` in synthesis and verification
 TAKING_MODES = ("interval", "luenberger")
 # kinds that take plants in discrete time
-TAKING_DISCRETE_TIME = ("interval", "set_membership", "luenberger")
+TAKING_DISCRETE_TIME = ("interval", "set_membership", "luenberger", "finite_time")
 
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")

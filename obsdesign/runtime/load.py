@@ -48,6 +48,10 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
         from obsdesign.runtime.luenberger.discrete_time import StepObserver
 
         return StepObserver
+    if kind == "finite_time" and "dt" in gains:
+        from obsdesign.runtime.finite_time.discrete_time import StepWindowObserver
+
+        return StepWindowObserver
     if known.name == "set_membership" and "d_rate" in gains:
         from obsdesign.runtime.set_membership.input_bounds import InputBoundsObserver
 
