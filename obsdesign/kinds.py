@@ -77,7 +77,9 @@ WITH_NAMED_GAINS = ("interval",)
 # kinds that take modes: each has modules `modes` in synthesis and verification
 TAKING_MODES = ("interval", "luenberger")
 # kinds that take plants in discrete time
-TAKING_DISCRETE_TIME = ("interval", "set_membership", "luenberger", "finite_time")
+TAKING_DISCRETE_TIME = (
+    "interval", "set_membership", "luenberger", "finite_time", "unknown_input",
+)  # fmt: skip
 
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")

@@ -121,6 +121,8 @@ def _growth_from_sample_to_sample(system: WidthSystem, period: float) -> Curve:
 
 
 def _unknown_input(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    if "dt" in stored:
+        return None
     return _decay(UnknownInputGains.from_document(stored).F)
 
 

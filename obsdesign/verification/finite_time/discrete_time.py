@@ -36,9 +36,9 @@ def step_window_claims(problem: Problem, stored: Entries) -> tuple[Claim, ...]:
     if gains is None:
         return (agreement,)
     text = f"the {gains.samples} samples of a window determine the state"
-    seen = Claim.from_verdict("observable", text, "observability", _observable(gains))
-    if seen.verdict != "proved":
-        return (agreement, mark_witness(seen) if _is_hidden(gains) else seen)
+    determined = Claim.from_verdict("observable", text, "observability", _observable(gains))
+    if determined.verdict != "proved":
+        return (agreement, mark_witness(determined) if _is_hidden(gains) else determined)
     error = WindowError.from_gains(gains)
     unbiased = Claim.from_verdict(
         "unbiased",
@@ -48,14 +48,15 @@ def step_window_claims(problem: Problem, stored: Entries) -> tuple[Claim, ...]:
         _unbiased(error),
     )
     if error.radius is None:
-        return (agreement, seen, unbiased)
+        return (agreement, determined, unbiased)
     radius = Claim.from_verdict(
         "error_radius",
-        "with disturbance and noise inside their bounds it is off by at most `largest_error` more",
+        f"with disturbance and noise inside their bounds{_without_unknown(problem)} it is off by "
+        "at most `largest_error` more",
         _SOURCE,
         proved(largest_error=error.radius.tolist()),
     )
-    return (agreement, seen, unbiased, radius)
+    return (agreement, determined, unbiased, radius)
 
 
 def _observable(gains: StepWindowGains) -> Verdict:
@@ -85,6 +86,15 @@ def _unbiased(error: WindowError) -> Verdict:
     return undecided("the gains do not give the state of the window", bias=error.bias.tolist())
 
 
+def _without_unknown(problem: Problem) -> str:
+    """What has no bounds and must be absent, as part of a sentence."""
+    plant = problem.plant
+    has_input = plant.flow.D is not None and plant.flow.d_bounds is None
+    names = ["unknown input d"] if has_input else []
+    names += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []
+    return f" and without {' and '.join(names)}" if names else ""
+
+
 def _expected(problem: Problem, stored: Entries) -> NewEntries:
     plant, options = problem.plant, problem.options_as(FiniteTimeOptions)
     period = plant.output.sample_period
@@ -109,7 +119,7 @@ def step_window_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple
         return (*given, Guarantee.not_proved(text))
     sizes = ", ".join(f"{x:.6g}" for x in evidence["largest_error"])
     text = (
-        f"{when}, with disturbance and noise inside their bounds, the state is at most this far "
-        f"from the estimate: {sizes}."
+        f"{when}, with disturbance and noise inside their bounds{_without_unknown(problem)}, the "
+        f"state is at most this far from the estimate: {sizes}."
     )
     return (*given, Guarantee.from_verdicts(text, [*ids, "error_radius"], verdicts))
