@@ -67,6 +67,7 @@ def instants_of(
     listed = [*events, *samples, np.zeros(0) if changes is None else changes.times, grid]
     if dt is not None:
         require_steps(spacing, dt, "step")
+        _grid(dt, until)  # not more steps than rows may be
         listed = [on_steps(own, dt, until) for own in listed]
     times, rows = _merged(listed, _SAME_INSTANT * spacing)
     if any(len(np.unique(own)) < len(own) for own in rows) or not (np.diff(times) > 0).all():

@@ -93,3 +93,9 @@ def test_a_simulation_repeats_the_step() -> None:
             simulate(plant, step=step)
     with pytest.raises(InputError, match=r"dwell must be a multiple of flow.dt = 0.5"):
         simulate(plant, dwell=1.7)
+
+
+def test_more_steps_than_rows_may_be_are_not_simulated() -> None:
+    plant = Problem.from_dict(turning("interval")).plant
+    with pytest.raises(InputError, match="is the limit"):
+        simulate(plant, until=1e9, step=1e7)

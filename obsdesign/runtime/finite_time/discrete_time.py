@@ -8,6 +8,7 @@ is not used.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -27,7 +28,7 @@ from obsdesign.runtime.base import (
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Past
-from obsdesign.runtime.time_grid import steps_between
+from obsdesign.runtime.time_grid import StepMaps, steps_between
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,17 +112,19 @@ class StepWindowObserver(SteppedObserver[StepWindowState]):
     def _empty(self) -> tuple[Matrix, Matrix]:
         return np.zeros((0, self.gains.p)), np.zeros((0, self.n))
 
+    @cached_property
+    def _steps(self) -> StepMaps:
+        return StepMaps(self.gains.A)
+
     def _moved(
         self, state: StepWindowState, t: float, y: Matrix | None, *, hidden: bool
     ) -> tuple[StepWindowState, str | None]:
         """The state at t, and what its sample does not keep of the period."""
         gains = self.gains
-        count, A = steps_between(state.t, t, gains.step), gains.A
+        count = steps_between(state.t, t, gains.step)
         forced = gains.flow_drift + (0.0 if gains.B is None else gains.B @ state.u)
-        x, since = state.x, state.since
-        for _ in range(count):
-            x, since = A @ x + forced, A @ since + forced
-        state = replace(state, t=t, x=np.asarray(x), since=np.asarray(since))
+        x, since = (self._steps(each, forced, count) for each in (state.x, state.since))
+        state = replace(state, t=t, x=x, since=since)
         if state.sampled is None:
             return replace(state, sampled=None if y is None else t), None
         apart = steps_between(state.sampled, t, gains.step)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from obsdesign.column_names import numbered
 from obsdesign.equations.unknown_input.steps import StepInputGains
 from obsdesign.runtime.base import Estimate, Sample, instant, no_jumps, status_of, vector
 from obsdesign.runtime.point_observer import SteppedObserver
-from obsdesign.runtime.time_grid import steps_between
+from obsdesign.runtime.time_grid import StepMaps, steps_between
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +45,10 @@ class StepInputObserver(SteppedObserver[StepInputState]):
         """Columns of the estimate after t."""
         return super().names + numbered("d", self.gains.D.shape[1])
 
+    @cached_property
+    def _steps(self) -> StepMaps:
+        return StepMaps(self.gains.A)
+
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> StepInputState:
         """State at time t from a guess of x(t), before the first sample."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
@@ -60,10 +65,9 @@ class StepInputObserver(SteppedObserver[StepInputState]):
         if sample.jump:
             raise no_jumps()
         gains = self.gains
-        count, x, reasons = steps_between(state.t, t, gains.step), state.x, list[str]()
+        count, reasons = steps_between(state.t, t, gains.step), list[str]()
         forced = gains.flow_drift + (0.0 if gains.B is None else gains.B @ state.u)
-        for _ in range(count):
-            x = gains.A @ x + forced
+        x = self._steps(state.x, forced, count)
         d = np.full(gains.D.shape[1], np.nan)
         if y is None or count > 1:
             reasons.append("missing sample")
