@@ -144,6 +144,10 @@ def test_twins_are_not_proved() -> None:
     claims = claims_of(blind)
     assert claims["event_stability"].verdict == "undecided"
     assert "speed may be silent for any time" in claims["event_stability"].evidence["reason"]
+    unread = two_rates(2, 5)
+    unread["sensor"] = unread["sensor"][1:]
+    reason = claims_of(unread)["event_stability"].evidence["reason"]
+    assert "no output has x2, x3" in reason
     faster = turning("interval", measured="periodic", period=0.9)
     assert claims_of(faster)["event_stability"].verdict == "undecided"
     assert claims_of(turning("interval"))["event_stability"].verdict == "proved"
