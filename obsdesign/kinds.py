@@ -94,7 +94,9 @@ TAKING_CLOCKS = ("interval", "set_membership")
 WITH_NAMED_GAINS = ("interval",)
 TAKING_MODES = tuple(kind.name for kind in _TABLE if kind.modes is not None)
 # kinds that take plants in discrete time
-TAKING_DISCRETE_TIME = ("interval", "set_membership", "luenberger")
+TAKING_DISCRETE_TIME = (
+    "interval", "set_membership", "luenberger", "finite_time", "unknown_input",
+)  # fmt: skip
 # kinds that take events whose time stamps have an error
 TAKING_TIME_ERRORS = ("interval",)
 

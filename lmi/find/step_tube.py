@@ -19,7 +19,7 @@ _MARGINS = (1e-11, 1e-9, 1e-6, 1e-3)
 _ROUNDS, _IMAGES = 80, 40
 _LARGEST_SYSTEM = 1500  # unknowns of an exact solution
 _SETTLED = 1e-12  # relative change at which images have settled
-_GROWN = 1e13  # beyond so many times what is added, it diverges
+_GROWN = 1e25  # beyond so many times what is added, it diverges
 
 
 def proposed_step_tubes(

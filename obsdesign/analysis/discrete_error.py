@@ -22,6 +22,8 @@ from obsdesign.problem.problem import Problem
 
 # steps between two events that a proof follows one by one
 MOST_AGES = 60
+# steps between two samples, of which a map is computed exactly
+MOST_STEPS = 400
 _OPTIONS = ("decay_rate",)
 
 
@@ -34,6 +36,11 @@ def reason_against_steps(problem: Problem) -> str | None:
         if name not in _OPTIONS:
             return f"observer.{name} is not available with flow.dt; {', '.join(_OPTIONS)} is."
     if jump is None:
+        if output.period is not None and (steps_of(output.period, dt) or 0) > MOST_STEPS:
+            return (
+                f"{plant.stated('output.period')} must be at most {MOST_STEPS} steps for kind "
+                f"'luenberger'; got {output.period:g}."
+            )
         return None
     if reason := problem.reason_without("jump.dwell_time"):
         return reason

@@ -101,9 +101,7 @@ def instants_of(
     grid = _grid(spacing, until) if has_grid else np.zeros(0 if plant.has_one_clock else 1)
     changes = mode_times(plant.modes, dwell, until, rng) if plant.modes else None
     listed = [*events, *samples, np.zeros(0) if changes is None else changes.times, grid]
-    if dt is not None:
-        require_steps(spacing, dt, "step")
-        listed = [on_steps(own, dt, until) for own in listed]
+    listed = listed if dt is None else _on_steps(listed, dt, spacing, until)
     times, rows = _merged(listed, _SAME_INSTANT * spacing)
     if any(len(np.unique(own)) < len(own) for own in rows) or not (np.diff(times) > 0).all():
         raise InputError(
@@ -120,6 +118,13 @@ def instants_of(
         measured[own, k] = True
         measured[:, k] |= always[k]
     return Instants(times, happens, _outputs_measured(plant, happens, measured), changes)
+
+
+def _on_steps(listed: list[Matrix], dt: float, spacing: float, until: float) -> list[Matrix]:
+    """The lists of times in discrete time; InputError for a spacing between its steps."""
+    require_steps(spacing, dt, "step")
+    _grid(dt, until)  # not more steps than rows may be
+    return [on_steps(own, dt, until) for own in listed]
 
 
 def arrival_times(plant: Plant, instants: Instants, rng: np.random.Generator) -> Matrix | None:

@@ -293,9 +293,8 @@ def plant_data(plant: Plant) -> NewEntries:
 
 
 def flow_data(plant: Plant) -> NewEntries:
-    """The numbers of the flow among them, B where there is one."""
-    flow = plant.flow
-    lower, upper = flow.b_bounds
-    data: NewEntries = {"A": flow.A} | ({} if flow.B is None else {"B": flow.B})
-    data |= {} if flow.dt is None else {"dt": flow.dt}
-    return data | {"flow_lower": lower, "flow_upper": upper}
+    """The numbers of the flow among them, B and dt where there are any."""
+    flow, (lower, upper) = plant.flow, plant.flow.b_bounds
+    data: NewEntries = {"A": flow.A, "B": flow.B, "dt": flow.dt}
+    stated = {name: value for name, value in data.items() if value is not None}
+    return stated | {"flow_lower": lower, "flow_upper": upper}

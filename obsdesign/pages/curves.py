@@ -24,6 +24,7 @@ from obsdesign.equations.estimation_error import (
     seen_before_jump,
 )
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
+from obsdesign.equations.finite_time.steps import StepWindowGains
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.equations.impulsive_input import features as impulsive_input
@@ -120,6 +121,8 @@ def _growth_from_sample_to_sample(system: WidthSystem, period: float) -> Curve:
 
 
 def _unknown_input(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    if "dt" in stored:
+        return None
     return _decay(UnknownInputGains.from_document(stored).F)
 
 
@@ -243,7 +246,8 @@ def _quadratic(gains: ImpulsiveGains, evidence: _Evidence) -> Curve | None:
 
 
 def _finite_time(stored: _Stored, evidence: _Evidence) -> Curve:
-    gains = FiniteTimeGains.from_document(stored)
+    read = StepWindowGains if "dt" in stored else FiniteTimeGains
+    gains = read.from_document(stored)
     n, p = gains.n, gains.p
     weights = gains.window_gain.reshape(n, -1, p)
     age: Matrix = gains.period * np.arange(weights.shape[1], dtype=np.float64)[::-1]

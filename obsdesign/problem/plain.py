@@ -9,7 +9,7 @@ from dataclasses import fields
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
-from obsdesign.problem.input_bounds import InputBounds
+from obsdesign.problem.flow import InputBounds
 from obsdesign.problem.modes import Mode
 from obsdesign.problem.plant import Flow, Jump, Output
 from obsdesign.problem.schema import entry_name

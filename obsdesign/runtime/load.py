@@ -26,6 +26,13 @@ class RunnableKind(Protocol):
         """The observer of a design's gains; ValueError where they are not such gains."""
 
 
+# kinds whose observer in discrete time is one of its own
+_IN_STEPS = {
+    "luenberger": "StepObserver", "finite_time": "StepWindowObserver",
+    "unknown_input": "StepInputObserver",
+}  # fmt: skip
+
+
 def observer_class(kind: str, gains: Entries) -> RunnableKind:
     """The class that runs gains of a kind; InputError for what is no kind."""
     known = kind_named(kind)
@@ -46,10 +53,9 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
 
             return UncertainTimesObserver
         return ClockedIntervalObserver
-    if kind == "luenberger" and "dt" in gains:
-        from obsdesign.runtime.luenberger.discrete_time import StepObserver
-
-        return StepObserver
+    if "dt" in gains and kind in _IN_STEPS:
+        module = importlib.import_module(f"obsdesign.runtime.{kind}.discrete_time")
+        return cast(RunnableKind, vars(module)[_IN_STEPS[kind]])
     if known.name == "set_membership" and "d_rate" in gains:
         from obsdesign.runtime.set_membership.input_bounds import InputBoundsObserver
 

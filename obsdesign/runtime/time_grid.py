@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, raised
 from obsdesign.errors import InputError
+from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.time_stamps import time_tolerance
 
 
@@ -36,6 +39,25 @@ def power_and_sum(X: Enclosure, count: int) -> tuple[Enclosure, Enclosure]:
         if bit == "1":
             total, power = total + power, power @ X
     return power, total
+
+
+class StepMaps:
+    """x after so many steps x+ = A x + f of discrete time, in floats; matrices are made once."""
+
+    def __init__(self, A: Matrix) -> None:
+        self._A = Enclosure.exactly(A)
+        self._made: OrderedDict[int, tuple[Matrix, Matrix]] = OrderedDict()
+
+    def __call__(self, x: Matrix, f: Matrix, count: int) -> Matrix:
+        """x (n,) after `count` steps, f (n,) in each."""
+        if count == 0:
+            return x
+        power, total = cached_step(self._made, count, self._maps)
+        return np.asarray(power @ x + total @ f)
+
+    def _maps(self, count: int) -> tuple[Matrix, Matrix]:
+        power, total = power_and_sum(self._A, count)
+        return power.mid, total.mid
 
 
 def reach(X: Enclosure, count: int, entering: Matrix) -> Matrix:

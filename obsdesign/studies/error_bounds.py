@@ -47,7 +47,7 @@ def error_bounds(
     estimates (rows, n) and statuses (rows,): of the design on this record. None for another
     observer than (14) as printed, without any such row, and where no bound was proved.
     """
-    if design.kind != "finite_time":
+    if design.kind != "finite_time" or "dt" in design.gains:
         return None
     gains = FiniteTimeGains.from_document(design.gains)
     if gains.is_unbiased or gains.half_sample != PRINTED:

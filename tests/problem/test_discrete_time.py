@@ -67,6 +67,13 @@ def test_modes_and_searches_are_refused() -> None:
         search(Problem.from_dict(pulsed()), "shortest_dwell")
 
 
+def test_interval_needs_to_know_what_a_sample_at_a_jump_saw() -> None:
+    hidden = turning("interval", jump_measurement="none")
+    problem = Problem.from_dict({**hidden, "jump": {"dwell_time": [0.3, 0.5]}})
+    with pytest.raises(DoesNotApply, match="jump_measurement must be before or after"):
+        next(candidates_of(problem, UNLIMITED))
+
+
 @pytest.mark.parametrize("kind", sorted(set(KINDS) - set(TAKING_DISCRETE_TIME)))
 def test_other_kinds_name_those_that_can(kind: str) -> None:
     problem = Problem.from_dict({**turning("interval"), "observer": {"kind": kind}})
@@ -93,3 +100,9 @@ def test_a_simulation_repeats_the_step() -> None:
             simulate(plant, step=step)
     with pytest.raises(InputError, match=r"dwell must be a multiple of flow.dt = 0.5"):
         simulate(plant, dwell=1.7)
+
+
+def test_more_steps_than_rows_may_be_are_not_simulated() -> None:
+    plant = Problem.from_dict(turning("interval")).plant
+    with pytest.raises(InputError, match="is the limit"):
+        simulate(plant, until=1e9, step=1e7)

@@ -23,6 +23,8 @@ def reason_against_clocks(problem: Problem) -> str | None:
     reason = reason_against_plant(plant) or problem.reason_without_noise_bound()
     if reason is not None:
         return reason
+    if plant.events and any(x.jump_measurement == "none" for x in plant.sensors):
+        return "output.jump_measurement must be before or after in discrete time; got 'none'."
     when = words_for_turns(plant)
     for name in options.to_document():
         if name not in _KEPT:

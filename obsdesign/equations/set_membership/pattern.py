@@ -14,6 +14,8 @@ from typing import NamedTuple
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 
 MOST_STEPS = 120
+# steps of discrete time in a stage with a disturbance of its own each; older ones share a box
+MOST_COUNTED = 32
 # relative tolerance of dwell times that are multiples of the period, as for time stamps
 _EQUAL = 1e-9
 
@@ -74,6 +76,8 @@ def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:
         return "events and sensors keep times of their own, and no pattern of rows repeats itself"
     if gains.measured == "continuous":
         return "output.measured is continuous: the spacing of the samples is not stated"
+    if reason := _reason_against_steps(gains):
+        return reason
     when = gains.jump_measurement
     jump = Step(0.0, True, when == "after", True)
     if gains.G is None:
@@ -100,3 +104,13 @@ def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:
     plain = Step(gains.period, False, True, True)
     last = Step(gains.period, False, when == "before", False)
     return Pattern((*(plain,) * (rows - 1), last, jump))
+
+
+def _reason_against_steps(gains: SetMembershipGains) -> str | None:
+    """Reason against a pattern in discrete time, where a stage has too many steps, or None."""
+    if gains.dt is None:
+        return None
+    stage = gains.dwell_range[0] if gains.measured == "at_jumps" else gains.period
+    if stage is None or stage <= gains.dt * (MOST_COUNTED + 0.5):
+        return None
+    return f"more than {MOST_COUNTED} steps lie between two samples"

@@ -7,15 +7,14 @@ x  = G x + M (y - C x) + E w + middle of c  at an event
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
-from lmi.arithmetic.enclosure import Enclosure
 from obsdesign.equations.luenberger.gains import StepGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
 from obsdesign.runtime.dwell_guard import DwellGuard
@@ -23,8 +22,7 @@ from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Past, States
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
-from obsdesign.runtime.step_cache import cached_step
-from obsdesign.runtime.time_grid import power_and_sum, steps_between
+from obsdesign.runtime.time_grid import StepMaps, steps_between
 from obsdesign.runtime.time_stamps import time_tolerance
 
 
@@ -47,9 +45,6 @@ class StepObserver(SteppedObserver[StepState]):
     gains: StepGains
     kind: ClassVar[str] = "luenberger"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[int, tuple[Matrix, Matrix]] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
 
     @property
     def guards(self) -> tuple[DwellGuard, ...]:
@@ -113,15 +108,10 @@ class StepObserver(SteppedObserver[StepState]):
         return None, True
 
     def _stepped(self, state: StepState, t: float) -> Matrix:
-        count = steps_between(state.t, t, self.gains.step)
-        if count == 0:
-            return state.x
-        power, total = cached_step(self._steps, count, self._maps)
         B = self.gains.B
         forced = self.gains.flow_drift + (0.0 if B is None else B @ state.u)
-        return np.asarray(power @ state.x + total @ forced)
+        return self._steps(state.x, forced, steps_between(state.t, t, self.gains.step))
 
-    def _maps(self, count: int) -> tuple[Matrix, Matrix]:
-        """A^k and I + A + ... + A^(k-1)."""
-        power, total = power_and_sum(Enclosure.exactly(self.gains.A), count)
-        return power.mid, total.mid
+    @cached_property
+    def _steps(self) -> StepMaps:
+        return StepMaps(self.gains.A)

@@ -14,10 +14,9 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, powers
+from obsdesign.equations.set_membership.pattern import MOST_COUNTED
 from obsdesign.runtime.set_membership.model import Model
 from obsdesign.runtime.time_grid import power_and_sum, reach
-
-_MOST_PIECES = 32
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def counted_step(model: Model, count: int) -> CountedStep:
     A, b = Enclosure.exactly(model.A), model.flow
     entering, known = b.matrix[:, b.active], np.hstack([model.inputs, b.matrix])
     Phi, total = power_and_sum(A, count)
-    single = min(count, _MOST_PIECES)
+    single = min(count, MOST_COUNTED)
     own = powers(A, single) @ Enclosure.exactly(entering)
     exact_first = Enclosure.exactly(entering[None])
     own = _joined(exact_first, Enclosure(own.mid[1:], own.rad[1:]))

@@ -208,11 +208,11 @@ class _Steps:
         inputs = np.pad(self.B, ((0, q), (0, 0)))
         own, added = np.pad(self.middle, (0, q)), np.pad(self.covariance, (0, q))
         added[n:, n:] = dt * self.walk * np.eye(q)
-        move, known, drift, Q = np.eye(n + q), 0.0 * inputs, 0.0 * own, 0.0 * added
-        for _ in range(count):
-            move, known, drift = once @ move, once @ known + inputs, once @ drift + own
-            Q = once @ Q @ once.T + added
-        return move, known, drift, Q
+        whole: _Maps = (np.eye(n + q), 0.0 * inputs, 0.0 * own, 0.0 * added)
+        for bit in bin(count)[2:]:
+            whole = _after(whole, whole)
+            whole = _after(whole, (once, inputs, own, added)) if bit == "1" else whole
+        return whole
 
     def _of_flow(self, h: float) -> _Maps:
         n, q = self.D.shape
@@ -255,6 +255,12 @@ class _Steps:
         P = G @ now.P @ G.T
         P[:n, :n] += _covariance(jump.disturbance_columns, jump.lower, jump.upper)
         return _Moments(z, P)
+
+
+def _after(first: _Maps, second: _Maps) -> _Maps:
+    """One prediction after another."""
+    (move, known, drift, Q), (last, inputs, own, added) = first, second
+    return last @ move, last @ known + inputs, last @ drift + own, last @ Q @ last.T + added
 
 
 def _covariance(columns: Matrix, lower: Matrix, upper: Matrix) -> Matrix:

@@ -108,6 +108,8 @@ def require_search(
     require_continuous_time(problem.plant.flow.dt, kind)
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
+    if problem.plant.flow.dt is not None:
+        raise InputError(f"--for {what} is not available with flow.dt in this version.")
     if kind == "finite_time" and what in PERIOD_SEARCHES:
         return
     if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
@@ -115,8 +117,6 @@ def require_search(
     if modes:
         require_accuracy(accuracy)
         return
-    if problem.plant.flow.dt is not None:
-        raise InputError(f"--for {what} is not available with flow.dt in this version.")
     if not problem.plant.has_one_clock:
         raise InputError(f"--for {what} is not available with several clocks.")
     if problem.plant.output.measured == "periodic":

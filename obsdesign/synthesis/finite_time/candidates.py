@@ -22,6 +22,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.finite_time.discrete_time import step_window
 from obsdesign.synthesis.finite_time.injection import best_injection
 from obsdesign.synthesis.finite_time.least_noise import low_noise_injection
 from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
@@ -35,6 +36,9 @@ _LONGER = (1, 4, 16)
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for a problem that has none."""
+    if problem.plant.flow.dt is not None:
+        yield from step_window(problem)
+        return
     problem.require_measured("periodic")
     if reason := reason_against(problem):
         raise InputError(reason)

@@ -26,6 +26,7 @@ from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.given_gains import refuse_second_choice
+from obsdesign.synthesis.unknown_input.discrete_time import step_inputs
 from obsdesign.synthesis.unknown_input.reduced_gain import reduced_gain
 from obsdesign.synthesis.unknown_input.reduced_system import (
     Reduced,
@@ -38,6 +39,9 @@ from obsdesign.synthesis.unknown_input.reduced_system import (
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """One candidate, without gains where no observer exists; InputError for unusable problems."""
     del budget  # nothing is searched for
+    if problem.plant.flow.dt is not None:
+        yield from step_inputs(problem)
+        return
     _refuse_unusable(problem)
     D, plant = problem.require("flow.D"), problem.plant
     A, C = plant.flow.A, plant.output.C

@@ -36,6 +36,7 @@ from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness, open_choices
 from obsdesign.verification.consistency import consistent_gains
+from obsdesign.verification.finite_time.discrete_time import step_window_claims
 from obsdesign.verification.finite_time.gains import (
     INVERTIBLE,
     error_radius_claim,
@@ -73,6 +74,8 @@ def claims(
     Theorem 1, if any; paranoid proves with twice the precision.
     """
     del budget  # every claim is decided by arithmetic of a fixed length
+    if problem.plant.flow.dt is not None:
+        return step_window_claims(problem, stored)
     objection = reason_against(problem)
     expected = {} if objection else expected_gains(problem, stored)
     agreement, gains = consistent_gains(objection, stored, expected, FiniteTimeGains.from_document)

@@ -10,6 +10,7 @@ from obsdesign.equations.finite_time.gains import NEED_L
 from obsdesign.equations.finite_time.rows import START, pathological_pairs
 from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.finite_time.discrete_time import step_window_guarantees
 from obsdesign.verification.finite_time.evidence import DesignEvidence, TheoremEvidence
 
 # rounding of the data is amplified beyond this: most of the 16 digits are at stake
@@ -19,6 +20,8 @@ _SMALL_ROW_RATIO = 1e-6
 
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those that are not proved."""
+    if problem.plant.flow.dt is not None:
+        return step_window_guarantees(problem, claims)
     evidence = DesignEvidence.from_claims(claims)
     options = problem.options_as(FiniteTimeOptions)
     result = [_estimate(problem, options, evidence)]

@@ -81,4 +81,10 @@ def reason_without_steps(system: ClockSystem) -> str:
         f"sensor {name} may be silent for any time, and is not counted on"
         for name in system.not_counted
     ]
+    blind = [f"x{i + 1}" for i in np.flatnonzero(~(system.gains.C != 0).any(axis=0))]
+    if blind:
+        sentences.append(
+            f"no output has {', '.join(blind)}: boxes do not follow it from other states, as kind "
+            "set_membership does"
+        )
     return "; ".join(sentences)

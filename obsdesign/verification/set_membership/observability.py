@@ -30,6 +30,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability
 
 _ZERO = 1e-9  # of the largest entry of a direction
+_MOST_STEPS = 400  # of discrete time, of which a map is computed exactly
 _LONGEST_MORE = 40  # stages beyond the stored window that are tried
 
 
@@ -91,9 +92,13 @@ def _contracts_in_steps(problem: Problem, hidden: HiddenPart, paranoid: bool) ->
     cycle = step
     if jump is not None:
         low, high = jump.dwell_time or (0.0, math.inf)
-        if low != high:
-            return undecided("whether it contracts is decided for one time between jumps alone")
-        for _ in range((steps_of(low, dt) or 1) - 1):
+        count = steps_of(low, dt) or 1
+        if low != high or count > _MOST_STEPS:
+            return undecided(
+                "whether it contracts is decided for one time between jumps alone, of at most "
+                f"{_MOST_STEPS} steps"
+            )
+        for _ in range(count - 1):
             cycle = cycle @ step
         cycle = hidden.maps[1] @ cycle
     verdict = dwell_stability(cycle * 0, cycle, Dwell(1.0, 1.0), {}, paranoid)

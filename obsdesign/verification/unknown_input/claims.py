@@ -33,6 +33,7 @@ from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification import stated_poles
 from obsdesign.verification.consistency import consistent_gains, inconsistent
+from obsdesign.verification.unknown_input.discrete_time import step_input_claims
 from obsdesign.verification.unknown_input.lasting_error import lasting_error
 
 PAPER = "Ahn (2002)"
@@ -56,6 +57,8 @@ def claims(
 
     stored: gains as a design file states them.
     """
+    if problem.plant.flow.dt is not None:
+        return step_input_claims(problem, stored, paranoid)
     del certificates, paranoid, budget  # nothing is searched for: every claim is decided exactly
     if problem.plant.jump is not None:
         return (inconsistent(REASON_AGAINST_JUMPS),)

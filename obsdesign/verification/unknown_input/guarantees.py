@@ -12,11 +12,14 @@ from obsdesign.equations.unknown_input.formulas import STEP_LIMIT
 from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification import stated_poles
+from obsdesign.verification.unknown_input.discrete_time import step_input_guarantees
 from obsdesign.verification.unknown_input.lasting_error import SteadyBounds
 
 
 def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
+    if problem.plant.flow.dt is not None:
+        return step_input_guarantees(problem, listed)
     claims = {claim.id: claim for claim in listed}
     verdicts = {claim.id: claim.verdict for claim in listed}
     needed = ["rank", "zeros", "observer_equations", "hurwitz", "rounding"]
@@ -65,6 +68,8 @@ def _of_poles(claims: Mapping[str, Claim], verdicts: Mapping[str, str]) -> Itera
 
 def warnings(problem: Problem, listed: tuple[Claim, ...]) -> tuple[str, ...]:
     """Sentences on zeros that rounding of the plant may destabilise, and on ringing steps."""
+    if problem.plant.flow.dt is not None:
+        return ()
     claims = {claim.id: claim for claim in listed}
     sentences = []
     if near := NearZero.from_evidence(_evidence(claims, "zeros")):

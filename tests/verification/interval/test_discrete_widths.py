@@ -35,7 +35,12 @@ def always(body: dict[str, Any]) -> list[float]:
 
 @pytest.mark.parametrize(
     ("gaps", "widths"),
-    [((2, 5), (0.1004, 0.2020, 1)), ((5, 10), (0.3340, 0.5080, 1)), ((3, 20), (0.4340, 0.3040, 1))],
+    [
+        ((2, 5), (0.1004, 0.2020, 1)),
+        ((5, 10), (0.3340, 0.5080, 1)),
+        ((3, 20), (0.4340, 0.3040, 1)),
+        ((12, 20), (1.4744, 1.2220, 1)),
+    ],
 )
 def test_widths_of_two_rates(gaps: tuple[int, int], widths: tuple[float, ...]) -> None:
     """The largest over all words, to 1e-8: those of a recursion by hand."""
@@ -139,6 +144,10 @@ def test_twins_are_not_proved() -> None:
     claims = claims_of(blind)
     assert claims["event_stability"].verdict == "undecided"
     assert "speed may be silent for any time" in claims["event_stability"].evidence["reason"]
+    unread = two_rates(2, 5)
+    unread["sensor"] = unread["sensor"][1:]
+    reason = claims_of(unread)["event_stability"].evidence["reason"]
+    assert "no output has x2, x3" in reason
     faster = turning("interval", measured="periodic", period=0.9)
     assert claims_of(faster)["event_stability"].verdict == "undecided"
     assert claims_of(turning("interval"))["event_stability"].verdict == "proved"

@@ -116,6 +116,7 @@ def test_forged_gains_are_not_confirmed() -> None:
         (body({"measured": "periodic", "period": 0.2}, jump=KICK), "must be flow.dt = 0.1"),
         (body(jump={**KICK, "dwell_time": [0.5, 8.0]}), "must lie between 1 and 60 steps"),
         (body(jump={**KICK, "dwell_time": [0, 0.5]}), "must lie between 1 and 60 steps"),
+        (body({"measured": "periodic", "period": 100.0}), "must be at most 400 steps"),
     ],
 )
 def test_refusals(plain: dict[str, Any], message: str) -> None:
