@@ -28,7 +28,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.arithmetic.exponential import expm
@@ -79,6 +79,8 @@ class Passage:
 
 
 Strategy = tuple[Passage, ...]
+# low, high, held: passages of one flow
+_Flow = tuple[float, float, tuple[bool, ...] | None]
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,10 @@ class Grid:
 
 
 class FloatGraph:
-    """A graph in floats; what it says steers searches and proofs, and proves nothing."""
+    """A graph in floats; what it says steers searches and proofs, and proves nothing.
+
+    Passages of all strategies of all nodes in one order; groups of those that share a flow.
+    """
 
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
@@ -136,11 +141,22 @@ class FloatGraph:
             [[(to_float(N), to_float(k)) for N, k in stage.maps] for stage in stages]
             for stages in graph.events
         ]
-        self._grids: dict[tuple[float, float, tuple[bool, ...] | None], Grid] = {}
+        self.passages = list(graph.passages())
+        counts = [len(strategy) for strategies in graph.nodes for strategy in strategies]
+        self.of_strategy = np.cumsum([0, *counts])
+        self.of_node = np.cumsum([0, *(len(strategies) for strategies in graph.nodes)])
+        self.groups: dict[_Flow, list[int]] = {}
+        for place, own in enumerate(self.passages):
+            self.groups.setdefault((own.low, own.high, own.held), []).append(place)
+        self.unbounded = np.array([
+            np.zeros(graph.n, dtype=bool) if own.unbounded is None else own.unbounded
+            for own in self.passages
+        ])  # fmt: skip
+        self._grids: dict[_Flow, Grid] = {}
 
-    def grid(self, passage: Passage) -> Grid:
-        """Flows at the times of a passage."""
-        key = (passage.low, passage.high, passage.held)
+    def grid(self, low: float, high: float, held: tuple[bool, ...] | None) -> Grid:
+        """Flows at times from low to high."""
+        key = (low, high, held)
         if key not in self._grids:
             self._grids[key] = self._made(*key)
         return self._grids[key]
@@ -159,16 +175,29 @@ class FloatGraph:
 
     def image(self, v: Matrix) -> Matrix:
         """What all nodes make of v, (nodes, n)."""
-        values = Values(self, v)
-        return np.array([values.bounds(node).min(axis=0) for node in range(len(v))])
+        image: Matrix = np.minimum.reduceat(Values(self, v).bounds, self.of_node[:-1])
+        return image
 
 
 class Values:
-    """What the passages of a graph lead to from v (nodes, n)."""
+    """What the passages of a graph lead to from v (nodes, n).
+
+    largest (passages, n): infinite where a passage bounds nothing; bounds (strategies, n).
+    """
 
     def __init__(self, floats: FloatGraph, v: Matrix) -> None:
         self.floats, self.v = floats, v
         self._after: dict[tuple[int, int | None], Matrix] = {}
+        self._widest: dict[tuple[int, ...], Matrix] = {}
+        self.largest = np.empty((len(floats.passages), len(floats.f)))
+        for key, places in floats.groups.items():
+            starts = np.array([self.start(floats.passages[k]) for k in places])
+            if key[1] > 0.0:
+                grid = floats.grid(*key)
+                starts = (grid.flows @ starts.T + grid.pushes[:, :, None]).max(axis=0).T
+            self.largest[places] = starts
+        self.largest[floats.unbounded] = np.inf
+        self.bounds: Matrix = np.maximum.reduceat(self.largest, floats.of_strategy[:-1])
 
     def start(self, passage: Passage) -> Matrix:
         """What the flow of a passage starts from, (n,)."""
@@ -180,43 +209,37 @@ class Values:
             self._after[key] = start
         if passage.held is None:
             return self._after[key]
-        largest = self.v[list(passage.through)].max(axis=0)
-        kept: Matrix = np.where(passage.held, largest, self._after[key])
+        if passage.through not in self._widest:
+            self._widest[passage.through] = self.v[list(passage.through)].max(axis=0)
+        kept: Matrix = np.where(passage.held, self._widest[passage.through], self._after[key])
         return kept
 
-    def largest(self, passage: Passage) -> Matrix:
-        """The largest u of a passage, (n,); infinite where it bounds nothing."""
-        unbounded, u = passage.unbounded, self.start(passage)
-        if passage.high > 0.0:
-            grid = self.floats.grid(passage)
-            u = (grid.flows @ u + grid.pushes).max(axis=0)
-        return u if unbounded is None else np.where(unbounded, np.inf, u)
+    def best(self, node: int) -> Indices:
+        """The strategy of a node that bounds each entry best, (n,)."""
+        first, last = self.floats.of_node[node : node + 2]
+        best: Indices = np.argmin(self.bounds[first:last], axis=0)
+        return best
 
-    def of_strategies(self, node: int) -> list[Matrix]:
-        """Of each strategy of a node: what each of its passages leads to, (passages, n)."""
-        return [
-            np.array([self.largest(passage) for passage in strategy])
-            for strategy in self.floats.graph.nodes[node]
-        ]
-
-    def bounds(self, node: int) -> Matrix:
-        """Bound of each strategy of a node, (strategies, n)."""
-        return np.array([values.max(axis=0) for values in self.of_strategies(node)])
+    def of_strategy(self, node: int, place: int) -> Matrix:
+        """What each passage of a strategy of a node leads to, (passages, n)."""
+        k = self.floats.of_node[node] + place
+        return self.largest[self.floats.of_strategy[k] : self.floats.of_strategy[k + 1]]
 
 
-def prove_graph(graph: Graph, values: Sequence[Sequence[float]]) -> Verdict:
+def prove_graph(graph: Graph, tube: Sequence[Sequence[float]]) -> Verdict:
     """Prove that a tube v (nodes, n) is invariant and attracts; undecided otherwise."""
-    v = np.asarray(values, dtype=np.float64)
+    v = np.asarray(tube, dtype=np.float64)
     if v.shape != (len(graph.nodes), graph.n):
         return undecided(f"the tube must be {len(graph.nodes)}x{graph.n}")
     if not (np.isfinite(v).all() and (v > 0).all()):
         return undecided("the tube is not positive")
-    if not all(strategy for strategies in graph.nodes for strategy in strategies):
+    if not all(graph.nodes) or not all(map(all, graph.nodes)):
         return undecided("a strategy without passages bounds nothing")
-    exact_v, floats, steps, count = exact(v), Values(graph.floats, v), 0, 0
+    with np.errstate(all="ignore"):
+        values = Values(graph.floats, v)
+    exact_v, steps, count = exact(v), 0, 0
     for node, strategies in enumerate(graph.nodes):
-        with np.errstate(all="ignore"):
-            chosen = np.argmin(floats.bounds(node), axis=0)
+        chosen = values.best(node)
         for place in np.unique(chosen):
             for passage in strategies[int(place)]:
                 verdict = _below(graph, passage, exact_v, node, chosen == place)

@@ -6,7 +6,7 @@ solution for the passages, times and maps that were the active ones.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.bounds.graph_tube import FloatGraph, Graph, Passage, Values
 from lmi.time_budget import UNLIMITED, TimeBudget
 
+# a column of all v (nodes, n), and its factor
+_Term = tuple[int, float]
 # relative room above the image of the tube, least first: a proof needs some
 _MARGINS = (2e-4, 2e-3, 1e-2)
 _ROUNDS, _SWEEPS = 25, 2
@@ -91,7 +93,7 @@ class _Search:
     def _best(self, v: Matrix) -> Indices:
         """The strategy of each node and entry that bounds it best, (nodes, n)."""
         values = Values(self.floats, v)
-        return np.array([np.argmin(values.bounds(node), axis=0) for node in range(self.nodes)])
+        return np.array([values.best(node) for node in range(self.nodes)])
 
     def _next(self, v: Matrix) -> Matrix:
         return (1 + self.margin) * self.floats.image(v) + self.added
@@ -105,51 +107,64 @@ class _Search:
 
         strategies (nodes, n): of each entry, None for those that are best at v.
         """
-        size = self.nodes * self.n
-        A, b = np.zeros((size, size)), np.tile(self.added, self.nodes)
+        b, rows = np.tile(self.added, self.nodes), list[list[_Term]]()
         evaluated = Values(self.floats, v)
         for node in range(self.nodes):
-            values = evaluated.of_strategies(node)
-            chosen = np.argmin([each.max(axis=0) for each in values], axis=0)
-            chosen = chosen if strategies is None else strategies[node]
+            chosen = evaluated.best(node) if strategies is None else strategies[node]
             for entry, place in enumerate(chosen.tolist()):
-                passage = int(np.argmax(values[place][:, entry]))
-                row, constant = self._active(
-                    self.floats.graph.nodes[node][place][passage], entry, evaluated
-                )
-                A[node * self.n + entry] = (1 + self.margin) * row
-                b[node * self.n + entry] += (1 + self.margin) * constant
-        try:
-            solution = np.asarray(np.linalg.solve(np.eye(size) - A, b), dtype=np.float64)
-        except np.linalg.LinAlgError:
+                passage = int(np.argmax(evaluated.of_strategy(node, place)[:, entry]))
+                own = self.floats.graph.nodes[node][place][passage]
+                terms, constant = self._active(own, entry, evaluated)
+                b[len(rows)] += (1 + self.margin) * constant
+                rows.append([(column, (1 + self.margin) * factor) for column, factor in terms])
+        solution = _fixed_point(rows, b)
+        if solution is None or not (np.isfinite(solution).all() and (solution > 0).all()):
             return None
-        is_usable = np.isfinite(solution).all() and (solution > 0).all()
-        return solution.reshape(self.nodes, self.n) if is_usable else None
+        return solution.reshape(self.nodes, self.n)
 
-    def _active(self, passage: Passage, entry: int, values: Values) -> tuple[Matrix, float]:
-        """Row and constant of what a passage leads to in an entry, as an affine map of all v."""
-        grid, start = self.floats.grid(passage), values.start(passage)
+    def _active(self, passage: Passage, entry: int, values: Values) -> tuple[list[_Term], float]:
+        """What a passage leads to in an entry, as an affine map of all v: its terms, a constant."""
+        grid, start = (
+            self.floats.grid(passage.low, passage.high, passage.held),
+            values.start(passage),
+        )
         k = int(np.argmax(grid.flows[:, entry] @ start + grid.pushes[:, entry]))
-        factors, constants = self._started(passage, values.v)
-        row = (grid.flows[k, entry] @ factors.reshape(self.n, -1)).reshape(-1)
-        return row, float(grid.flows[k, entry] @ constants + grid.pushes[k, entry])
+        flow, constant, n = grid.flows[k, entry], float(grid.pushes[k, entry]), self.n
+        terms = list[_Term]()
+        if passage.held is not None:
+            through = list(passage.through)
+            for i in np.flatnonzero(passage.held).tolist():
+                largest = through[int(np.argmax(values.v[through, i]))]
+                terms.append((largest * n + i, float(flow[i])))
+            flow = np.where(passage.held, 0.0, flow)
+        factor, added = self._started(passage, values.v)
+        terms += zip(range(passage.source * n, passage.source * n + n), flow @ factor, strict=True)
+        return terms, constant + float(flow @ added)
 
     def _started(self, passage: Passage, v: Matrix) -> tuple[Matrix, Matrix]:
-        """What a passage starts from as an affine map of all v: (n, nodes, n), (n,)."""
+        """What events make of v at the source, as an affine map of it: (n, n), (n,)."""
         factor, constant = np.eye(self.n), np.zeros(self.n)
         start = v[passage.source]
-        events = () if passage.event is None else self.floats.events[passage.event]
-        for stage in events:
+        for stage in () if passage.event is None else self.floats.events[passage.event]:
             values = np.array([N @ start + k for N, k in stage])
             best = np.argmin(values, axis=0)
             N = np.array([stage[j][0][i] for i, j in enumerate(best)])
             k = np.array([stage[j][1][i] for i, j in enumerate(best)])
             factor, constant, start = N @ factor, N @ constant + k, N @ start + k
-        result = np.zeros((self.n, self.nodes, self.n))
-        result[:, passage.source] = factor
-        if passage.held is not None:
-            through = list(passage.through)
-            for i in np.flatnonzero(passage.held):
-                result[i], constant[i] = 0.0, 0.0
-                result[i, through[int(np.argmax(v[through, i]))], i] = 1.0
-        return result, constant
+        return factor, constant
+
+
+def _fixed_point(rows: Sequence[Sequence[_Term]], b: Matrix) -> Matrix | None:
+    """x = A x + b for sparse rows of A; None where it has no unique solution."""
+    from scipy import sparse  # slow to import, and only several clocks need it
+    from scipy.sparse.linalg import splu
+
+    counts = np.cumsum([0, *(len(row) for row in rows)])
+    columns = np.array([column for row in rows for column, _ in row])
+    factors = np.array([factor for row in rows for _, factor in row])
+    A = sparse.csr_array((factors, columns, counts), shape=(len(b), len(b)))
+    try:
+        solution: Matrix = splu((sparse.eye_array(len(b)) - A).tocsc()).solve(b)
+    except RuntimeError:  # singular
+        return None
+    return solution

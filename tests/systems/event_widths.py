@@ -60,6 +60,24 @@ def doses(gap: float, every: tuple[float, float] = (6, 14)) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def oral_doses(gap: float) -> dict[str, Any]:
+    """Doses that come through transit compartments; plasma is sampled at least every `gap`."""
+    flow = np.diag([-3.0, -3, -3, -1, -0.5, -0.2]) + np.diag([3.0, 3, 3, 1, 0.3], -1)
+    flow[4, 5] = 0.2
+    return {
+        "name": "oral doses",
+        "flow": {"A": flow.tolist(), "disturbance": _box([0, 0, 0, 0.2, 0.3, 0])},
+        "event": [
+            {"name": "dose", "every": [6, 14], "disturbance": _box([4, 0, 0, 0, 0, 0])},
+        ],
+        "sensor": [
+            {"name": "plasma", "C": [[0, 0, 0, 0, 0.05, 0]], "noise_bound": 0.02,
+             "every": [0, gap]},
+        ],
+        "observer": {"kind": "interval"},
+    }  # fmt: skip
+
+
 def motor(encoder: float, tacho: float) -> dict[str, Any]:
     """Position, speed, load; two sensors that are silent for at most these times."""
     return {

@@ -22,7 +22,7 @@ from lmi.bounds.graph_tube import Graph, Least, Strategy
 from obsdesign.analysis.interval.clock_system import ClockSystem
 from obsdesign.analysis.interval.mark_graph import MarkGraph
 from obsdesign.analysis.interval.passage_times import held, passage
-from obsdesign.analysis.interval.time_graph import TimeGraph
+from obsdesign.analysis.interval.tick_graph import TickGraph
 
 MOST_CELLS = 256
 _MOST_NODES = 3000
@@ -54,7 +54,7 @@ def width_graph(system: ClockSystem, cells: int) -> EventGraph | None:
     events = range(len(system.gains.events))
     if not events:
         return _still(system)
-    builder = TimeGraph(system, events, cells)
+    builder = TickGraph(system, events, cells)
     return _whole(builder, builder.always)
 
 

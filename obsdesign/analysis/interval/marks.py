@@ -1,9 +1,10 @@
-"""Marks: instants at which events happen, one or several of a row, and the times between them.
+"""Marks: instants at which events happen, and the times between them.
 
-A mark states which events happen and how long ago the others did, in cells of time. The time from
-one mark to the next is in a range that both leave: of an event that happens at the second it is its
-stated one, less the time that had passed at the first; of every other event it takes the time that
-had passed from its cell to the next one's. Whatever events do, their marks follow each other so.
+A mark states which events happen, one or several of a row, and how long ago the others did, in
+cells of time. The time from one mark to the next is in a range that both leave: of an event that
+happens at the second it is its stated one, less the time that had passed at the first; of every
+other event it takes the time that had passed from its cell to the next one's. Whatever events do,
+their marks follow each other so.
 """
 
 from __future__ import annotations

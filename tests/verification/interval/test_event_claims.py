@@ -16,7 +16,15 @@ from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
-from tests.systems.event_widths import doses, is_stable, motor, positioning, shortest, two_states
+from tests.systems.event_widths import (
+    doses,
+    is_stable,
+    motor,
+    oral_doses,
+    positioning,
+    shortest,
+    two_states,
+)
 
 
 def claims_of(body: dict[str, Any]) -> dict[str, Claim]:
@@ -72,6 +80,15 @@ def test_widths_of_two_sensors_without_events(
     always = np.array(width.evidence["always"])
     assert (np.array(simulated) <= always).all()
     assert (always <= np.array(most)).all()
+
+
+def test_widths_between_samples_are_those_of_their_ages() -> None:
+    """Plasma and tissue: between simulated and published; tissue follows slowly."""
+    width = claims_of(oral_doses(2))["event_width"]
+    assert width.verdict == "proved"
+    always = np.array(width.evidence["always"])[4:]
+    assert (always >= (6.2, 4.88)).all()
+    assert (always <= (7.251, 7.687)).all()
 
 
 @pytest.mark.parametrize("body", [two_states((2, 3), 0.5), doses(2), motor(0.03, 0.15)])

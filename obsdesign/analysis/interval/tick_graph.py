@@ -1,0 +1,162 @@
+"""The graph of all times with ticks since the last mark, at which ages of a sample are kept.
+
+A bound between two samples rises and falls with them. A state that follows slowly is bounded by
+what comes of that, and not of its largest value alone, where times are counted: at ticks D, 2 D,
+... after a mark the age of the last sample is in a cell of length d, D = K d, and ages one tick
+later are K cells more, exactly. The last tick stands for all later ones too.
+
+    tick K s k i    k ticks after a mark of kind K, the last sample of sensor s is in cell i ago
+    last K s k i    just before that sample, where it is in the tick that ends so
+    first K s k     just before the first sample in that tick
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from lmi.bounds.graph_tube import Passage, Strategy
+from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.mark_graph import Node
+from obsdesign.analysis.interval.marks import NO_TIME, Range, less, meet
+from obsdesign.analysis.interval.passage_times import passage
+from obsdesign.analysis.interval.time_graph import TimeGraph
+
+_TICKS = 16  # in the shortest time between two events of a name, at most
+_MOST_NODES = 250
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """Ticks of a sensor: `length`, each `cells` cells of its gap, `count` of them."""
+
+    length: Fraction
+    cells: int
+    count: int
+
+
+class TickGraph(TimeGraph):
+    """Nodes of marks, of all times since them, and of ticks."""
+
+    def __init__(self, system: ClockSystem, events: Sequence[int], cells: int) -> None:
+        super().__init__(system, events, cells)
+        self.ticks = {s: ticks for s in self.cells if (ticks := self._ticks(s)) is not None}
+
+    def _ticks(self, sensor: int) -> Ticks | None:
+        """Ticks of a sensor, None where its gap is too short for so few, or they are too many."""
+        cells, unit = self.cells[sensor], self.marks.unit
+        if unit is None or self.system.gap(sensor) < unit / _TICKS:
+            return None
+        cell = self.system.gap(sensor) / len(cells)
+        own = min(math.ceil(unit / _TICKS / cell), len(cells))
+        count = math.ceil(unit / (own * cell))
+        nodes = len(self.until) * count * (len(cells) + own + 1)
+        return Ticks(own * cell, own, count) if nodes <= _MOST_NODES else None
+
+    def strategies(self, node: Node) -> list[Strategy]:
+        """Strategies of a node."""
+        match node:
+            case Node("tick", (kind, sensor, k, cell)):
+                return self._of_tick(kind, sensor, k, cell)
+            case Node("last", (kind, sensor, k, cell)):
+                return self._of_last(kind, sensor, k, cell)
+            case Node("first", (kind, sensor, k)):
+                in_tick = (Fraction(0), self.ticks[sensor].length)
+                own = self._unsampled_since(kind, sensor, k, in_tick)
+                return [tuple(own), self._in_tick(kind, sensor, k)]
+            case Node("since", (kind, part)):
+                more = [tuple(self._from_ticks(kind, s, part)) for s in self.ticks]
+                return [*super().strategies(node), *more]
+            case Node("own", (mark, *_)):
+                return [*super().strategies(node), self._before(mark, NO_TIME)]
+        return super().strategies(node)
+
+    def _ages(self, kind: int, sensor: int, k: int) -> list[int]:
+        """Cells of the last sample at a tick, at the mark for k = 0."""
+        cells = range(len(self.cells[sensor]))
+        if k:
+            return list(cells)
+        return [i for i in cells if any((x, i) in self.aged[sensor] for x in self._of_kind(kind))]
+
+    def _before_tick(self, sensor: int, k: int) -> list[int]:
+        """Ticks before one: the last one stands for later ones too, and is before itself."""
+        return [k - 1, k] if k == self.ticks[sensor].count else [k - 1]
+
+    def _from_tick(self, kind: int, sensor: int, k: int, cell: int, time: Range) -> Passage:
+        """From a tick on, from the mark for k = 0."""
+        if k:
+            return passage(self.place("tick", kind, sensor, k, cell), None, time)
+        return passage(self.place("aged_kind", kind, sensor, cell), kind, time)
+
+    def _of_tick(self, kind: int, sensor: int, k: int, cell: int) -> list[Strategy]:
+        ticks = self.ticks[sensor]
+        whole, at_end = (ticks.length, ticks.length), (k * ticks.length, k * ticks.length)
+        during = self._during(kind, sensor, k, at_end)
+        if cell < ticks.cells:
+            last = self.place("last", kind, sensor, k, cell)
+            own = passage(last, self.sampled(sensor), self.cells[sensor][cell])
+            return [(own,), self._whatever_is_sampled(kind, sensor, k, whole), during]
+        older = [
+            self._from_tick(kind, sensor, before, cell - ticks.cells, whole)
+            for before in self._before_tick(sensor, k)
+            if cell - ticks.cells in self._ages(kind, sensor, before)
+        ]
+        return [tuple(older), during]
+
+    def _of_last(self, kind: int, sensor: int, k: int, cell: int) -> list[Strategy]:
+        """The last sample in a tick: since the tick before it, or since the first one in it."""
+        length = self.ticks[sensor].length
+        times = less((length, length), self.cells[sensor][cell])
+        assert times is not None
+        first = self.place("first", kind, sensor, k)
+        own = [
+            *self._unsampled_since(kind, sensor, k, times),
+            passage(first, self.sampled(sensor), (Fraction(0), times[1])),
+        ]
+        more = self._whatever_is_sampled(kind, sensor, k, times)
+        return [tuple(own), more, self._in_tick(kind, sensor, k)]
+
+    def _unsampled_since(self, kind: int, sensor: int, k: int, times: Range) -> Iterator[Passage]:
+        """From the tick before to times in the tick that k ends, where nothing is sampled since."""
+        gap = self.system.gap(sensor)
+        for before in self._before_tick(sensor, k):
+            for j in self._ages(kind, sensor, before):
+                time = meet(times, (Fraction(0), gap - self.cells[sensor][j][0]))
+                if time is not None:
+                    yield self._from_tick(kind, sensor, before, j, time)
+
+    def _whatever_is_sampled(self, kind: int, sensor: int, k: int, time: Range) -> Strategy:
+        """From the tick before, of which some time has passed."""
+        return tuple(
+            self._from_tick(kind, sensor, before, j, time)
+            for before in self._before_tick(sensor, k)
+            for j in self._ages(kind, sensor, before)
+        )
+
+    def _in_tick(self, kind: int, sensor: int, k: int) -> Strategy:
+        length = self.ticks[sensor].length
+        return self._during(kind, sensor, k, ((k - 1) * length, k * length))
+
+    def _during(self, kind: int, sensor: int, k: int, times: Range) -> Strategy:
+        """The bounds of all parts that these times meet, and of later ones for the last tick."""
+        end = None if k == self.ticks[sensor].count else times[1]
+        parts = self._met(kind, (times[0], end))
+        return tuple(passage(self.place("since", kind, part), None) for part in parts)
+
+    def _from_ticks(self, kind: int, sensor: int, part: int) -> Iterator[Passage]:
+        """To all times in a part, from the tick before each, whatever is sampled since."""
+        ticks, times = self.ticks[sensor], self.parts[part]
+        for k in range(ticks.count + 1):
+            start = k * ticks.length
+            time: Range | None
+            if k == ticks.count:  # it stands for later ones too
+                is_later = times[1] is None or times[1] >= start
+                time = (Fraction(0), ticks.length) if is_later else None
+            else:
+                reached = meet(times, (start, start + ticks.length))
+                time = None if reached is None else less(reached, (start, start))
+            if time is not None:
+                for j in self._ages(kind, sensor, k):
+                    yield self._from_tick(kind, sensor, k, j, time)
