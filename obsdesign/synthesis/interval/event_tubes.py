@@ -11,6 +11,7 @@ from lmi.time_budget import TimeBudget, ended_by_count
 from obsdesign.analysis.interval.clock_system import ClockSystem
 from obsdesign.analysis.interval.event_graph import MOST_CELLS, event_graph, homogeneous
 from obsdesign.analysis.interval.late_system import LateSystem
+from obsdesign.analysis.interval.turning_system import SizeSystem, TurningSystem, turns
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 
 # parts of a sensor's longest gap, and of the shortest time between events: first and last
@@ -29,15 +30,32 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
     if len(gains.events) > 1:
         return {}
     if any(event.time_error is not None for event in gains.events):
-        late = LateSystem(gains)
-        is_open = late.reason_against() is None
-        return {"late_width": _certificate(late, _FOR_WIDTH, True, budget) if is_open else {}}
+        return {"late_width": _late_certificate(gains, budget)}
     system, certificates = ClockSystem(gains), dict[str, NewEntries]()
     for name, ends in (("event_stability", _FOR_STABILITY), ("event_width", _FOR_WIDTH)):
         certificates[name] = _certificate(system, ends, name == "event_width", budget)
         if "tube" not in certificates[name]:
             break
     return certificates
+
+
+def _late_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEntries:
+    """Certificate of `late_width`, or the limit of its search; empty where it is not to be had."""
+    if not turns(gains):
+        late = LateSystem(gains)
+        return {} if late.reason_against() else _certificate(late, _FOR_WIDTH, True, budget)
+    if TurningSystem(gains).reason_against():
+        return {}
+    size = SizeSystem(gains)
+    sizes = _certificate(size, _FOR_WIDTH, True, budget)
+    if "tube" not in sizes:
+        return sizes
+    nodes = event_graph(size, sizes["cells"], always=True)
+    assert nodes is not None
+    assert nodes.before is not None
+    turning = TurningSystem(gains, tuple(sizes["tube"][nodes.before]))
+    own = _certificate(turning, _FOR_WIDTH, True, budget)
+    return own if "tube" not in own else {**own, "sizes": sizes}
 
 
 def _certificate(
