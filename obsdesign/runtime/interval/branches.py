@@ -32,7 +32,7 @@ class Branches:
     def __init__(self, observer: UncertainTimesObserver, state: UncertainState) -> None:
         self.observer, self.inner = observer, observer.inner
         self.clocked, self.spread = state.clocked, state.spread
-        self.windows = list(state.windows)
+        self.windows, self.notes = list(state.windows), tuple[str, ...]()
         self.boxes = {branch.happened: branch.box for branch in state.branches}
         if not self.boxes:
             self.boxes = {0: state.clocked.box}
@@ -84,8 +84,10 @@ class Branches:
             self._reconcile()
         if alive and self.windows:
             self._detect()
-        overflown = [cut.faults for cut in alive.values() if cut.faults]
-        return Cut(self.hull, faults or next(iter(overflown), ()))
+        box = self.hull
+        if not np.isfinite(box).all():
+            faults = (BoundsFault.OVERFLOWED.value, *self.notes)
+        return Cut(box, faults)
 
     def _is_contradicted(self, cut: Cut) -> bool:
         return bool(cut.faults) and cut.faults[0] != BoundsFault.OVERFLOWED.value
@@ -184,6 +186,7 @@ class Branches:
         if len(self.windows) == MOST_WINDOWS:
             nothing = np.full_like(self.clocked.box, -np.inf)
             self.boxes, self.windows, self.spread = {0: nothing}, [], None
+            self.notes = (f"more than {MOST_WINDOWS} events may happen at once",)
             return
         if self.windows:  # maps from where they opened know of one event alone
             self.windows = [each._replace(u=None) for each in self.windows]
