@@ -19,6 +19,7 @@ from lmi.arithmetic.enclosure import Enclosure, expm, raised
 from obsdesign.analysis.interval.clock_system import ClockSystem
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.clocks import EventGains
+from obsdesign.equations.interval.late_jump import is_short
 
 CELLS = 64  # of a window
 
@@ -46,6 +47,11 @@ class WindowSystem(ClockSystem):
             return (
                 f"event.{name}.input_bound is not stated: the width grows with time_error times "
                 "what the event adds"
+            )
+        if not is_short(self.gains.A, 2 * self.delta):
+            return (
+                f"event.{name}.time_error is long against the fastest mode of the flow, where no "
+                "width is proved"
             )
         return None
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure
+from obsdesign.equations.interval.late_jump import is_short, parts_of
 from obsdesign.runtime.boxes import BoundsFault
 from obsdesign.runtime.interval.curves import Spread, plus
 from obsdesign.runtime.interval.kernel import crossed
@@ -109,7 +110,15 @@ class Branches:
         return np.array_equal(G, np.eye(len(G)))
 
     def _move(self, t: float) -> None:
-        """All sets at time t."""
+        """All sets at time t; in open windows in parts in which the flow changes little."""
+        start = self.clocked.t
+        parts = parts_of(self.observer.gains.A, t - start) if self.windows and t > start else 1
+        for k in range(1, parts):
+            self._step(start + (t - start) * (k / parts))
+        self._step(t)
+
+    def _step(self, t: float) -> None:
+        """All sets at time t, from maps of one step."""
         before = self.clocked
         h, size = t - before.t, max(abs(t), abs(before.t))
         if h <= 0:
@@ -174,6 +183,8 @@ class Branches:
         """(body, curve) of the event from the box where its window opened; None if unknown."""
         now = self.clocked.t
         if window.u is None or now == window.since:
+            return None
+        if not is_short(self.observer.gains.A, now - window.since):
             return None
         gains, size = self.observer.gains, max(abs(now), abs(window.since))
         declared = np.stack([gains.flow_lower, gains.flow_upper])

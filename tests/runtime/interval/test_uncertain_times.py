@@ -75,6 +75,36 @@ def test_the_state_stays_inside_in_fifty_digits(seed: int, since: float) -> None
     assert not [word for word in words if "outside" in word or "void" in word or "crossed" in word]
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("plain", [False, True])
+def test_windows_that_are_long_for_a_fast_state(seed: int, plain: bool) -> None:
+    with fifty_digits():
+        case = record(seed, 3.0, fast=40.0, plain=plain)
+        assert case.outside() == []
+        words = case.statuses()
+    assert not [word for word in words if "outside" in word or "void" in word or "crossed" in word]
+
+
+@pytest.mark.parametrize("fast", [5.0, 200.0, 2000.0])
+def test_a_fast_state_passes_on_what_it_has(fast: float) -> None:
+    """The slow state gets 1 / fast of the event: its bounds are no wider than twice that."""
+    body = {
+        "flow": {"A": [[-fast, 0], [1, -0.1]]},
+        "event": [
+            {
+                "name": "hit", "disturbance": {"lower": [1, 0], "upper": [1, 0]}, "every": [6, 14],
+                "time_error": 0.25,
+            }
+        ],
+        "sensor": [{"name": "y", "C": [[0, 1]], "noise_bound": 0.02, "every": [0, 5]}],
+    }  # fmt: skip
+    rows = [Sample(0.0), Sample(1.0, jump=True, events=(0,)), Sample(3.0)]
+    (*_, last) = widths(estimates(observer_of(body), rows))
+    hull = exact_hull(np.array(body["flow"]["A"]), np.array([1.0, 0]), 3.0, [1.0], 0.25)
+    assert (hull * (1 - 1e-6) <= last + 1e-12).all()
+    assert last[1] <= 2.0 / fast
+
+
 def test_an_event_farther_from_its_stamp_is_outside() -> None:
     """The twin that must not hold, and the one that still does."""
     observer, A = observer_of(PK), np.array(PK["flow"]["A"])
