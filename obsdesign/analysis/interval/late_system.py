@@ -24,7 +24,7 @@ from obsdesign.analysis.interval.window_system import CELLS, WindowSystem, produ
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.interval.late_jump import DEGREE, MOST_CURVES, LateJump
 
-_AGES = 128  # of the shortest time between two stamps
+_AGES = 256  # of the shortest time between two stamps
 _DOUBLINGS = 60
 _LARGEST_FLOW = 1e50  # beyond, the flow is taken to grow for ever
 
@@ -156,20 +156,23 @@ class CurveSizes:
 def _sizes_by_age(system: LateSystem, rows: Matrix, shortest: float) -> Matrix:
     """Half ranges of rows times a curve by its age, in cells of the shortest time.
 
-    (MOST_CURVES + 1) _AGES + 1 of them; the last one is for all ages from there on.
+    (MOST_CURVES + 1) _AGES + 1 of them; the last one is for all ages from there on. A window that
+    ends at the age theta was 2 theta long at most, and coefficients are powers of its length.
     """
     A, h = system.gains.A, shortest / _AGES
     added = Enclosure.exactly(system.added)
     terms = _scaled_powers(A, added, system.delta)[1:]
     Q = Enclosure(*(np.hstack([getattr(x, part) for x in terms]) for part in ("mid", "rad")))
-    step, within = expm(product(A, h)), raised(system.largest_flow, 1)
+    step, within = expm(product(A, h)), expm(product(np.abs(A), h)).upper
     exact_rows, exact_A, sizes = Enclosure.exactly(rows), Enclosure.exactly(A), []
     for _ in range((MOST_CURVES + 1) * _AGES):
         slope = times(np.abs(rows), times(within, (exact_A @ Q).magnitude)) * (h * (1 + 1e-12))
         sizes.append(raised(((exact_rows @ Q).magnitude + slope).sum(axis=1), 2 * Q.mid.shape[1]))
         Q = step @ Q
-    tail = times(np.abs(rows), times(within, Q.magnitude))
-    return np.array([*sizes, raised(tail.sum(axis=1), 2 * Q.mid.shape[1])])
+    tail = times(np.abs(rows), times(system.largest_flow, Q.magnitude))
+    largest = np.array([*sizes, raised(tail.sum(axis=1), 2 * Q.mid.shape[1])])
+    share = np.minimum((np.arange(len(largest)) + 1) * h / system.delta * (1 + 1e-12), 1.0)
+    return np.asarray(raised(share[:, None] * largest, 1))
 
 
 def _scaled_powers(A: Matrix, X: Enclosure, d: float) -> list[Enclosure]:
