@@ -3,7 +3,7 @@
     python -m tests.long.uncertain_times [PLANTS] [FIRST_SEED]
 
 Random plants (n = 1..4, one to three events, the first at uncertain times, with G = I or another,
-windows apart or overlapping, known inputs and doses, one or two sensors), disturbances and noise at
+windows apart or overlapping or long for a fast state, known inputs and doses, one or two sensors), disturbances and noise at
 their ends, true times anywhere within the errors, from 0 or from 1.7e9 on. Prints rows, rows outside
 and rows that contradict; exits with 1 on one of either.
 """
@@ -23,7 +23,8 @@ def main(plants: int, first: int) -> int:
     rows = outside = contradicted = 0
     with fifty_digits():
         for seed in range(first, first + plants):
-            case = record(seed, 8.0, since=_LATE if seed % 3 == 0 else 0.0, plain=seed % 4 == 0)
+            since, fast = _LATE if seed % 3 == 0 else 0.0, 40.0 if seed % 5 == 0 else 1.0
+            case = record(seed, 8.0, since=since, plain=seed % 4 == 0, fast=fast)
             times = case.outside()
             words = [x for x in case.statuses() if any(word in x for word in _REFUTING)]
             rows, outside = rows + len(case.rows), outside + len(times)

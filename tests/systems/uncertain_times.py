@@ -102,14 +102,20 @@ def observer_of(problem: Problem, rng: np.random.Generator) -> UncertainTimesObs
 
 
 def record(
-    seed: int, until: float = 5.0, *, beyond: float = 1.0, plain: bool = False, since: float = 0.0
-) -> Record:
+    seed: int, until: float = 5.0, *, beyond: float = 1.0, plain: bool = False, since: float = 0.0,
+    fast: float = 1.0,
+) -> Record:  # fmt: skip
     """A random plant and its rows; call it with fifty digits.
 
-    beyond: times of events are off by up to this many time errors; since: time of the first row.
+    beyond: times of events are off by up to this many time errors; since: time of the first row;
+    fast: how many times faster the first state moves.
     """
     rng = np.random.default_rng(seed)
-    problem = Problem(**random_body(rng, plain=plain))
+    body = random_body(rng, plain=plain)
+    if fast != 1.0:
+        A = body["flow"]["A"]
+        A[0] = fast * np.where(np.arange(len(A)) == 0, -np.abs(A[0]), A[0])
+    problem = Problem(**body)
     truth = _Truth(problem, rng, since)
     rows, states = [], []
     stamps = truth.stamps(until, beyond)

@@ -4,9 +4,7 @@ The state is kept as a body, a box, and a curve for each of the last events (`ru
 is at most that of the body and of the curves. An event at s, within delta of its stamp, adds
 e^{A(t - s)} (gamma + c) to the state: about the middle m of its window the curve of gamma is
 sum_i eta^i (-delta)^i / i! A^i e^{A(t - m)} gamma, i from 1 on; what c adds belongs to the body.
-
-Times count from the end of one window to the beginning of the next: stamps T1 to T2 apart leave
-T1 - 2 delta to T2. In the window the body flows on, for at most 2 delta, without samples.
+In the window the body flows on, for at most 2 delta, without samples.
 """
 
 from __future__ import annotations
@@ -14,81 +12,35 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import exact, to_float
+from lmi.arithmetic.balls import exact
 from lmi.arithmetic.enclosure import Enclosure, expm, raised
 from lmi.bounds.graph_tube import Least
 from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.window_system import CELLS, WindowSystem, product, times
 from obsdesign.equations.boxes import image_box
-from obsdesign.equations.clocks import EventGains
-from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.equations.interval.late_jump import DEGREE, MOST_CURVES, LateJump
 
-_CELLS = 64  # of a window
-_AGES = 128  # of the shortest time between two stamps
+_AGES = 256  # of the shortest time between two stamps
 _DOUBLINGS = 60
 _LARGEST_FLOW = 1e50  # beyond, the flow is taken to grow for ever
 
 
 @dataclass(frozen=True)
-class LateSystem(ClockSystem):
+class LateSystem(WindowSystem):
     """Width maps of the body; of samples with the curves as part of the noise."""
-
-    @classmethod
-    def from_gains(cls, gains: ClockedIntervalGains) -> ClockSystem:
-        """The system of a design: with or without uncertain times."""
-        late = any(event.time_error is not None for event in gains.events)
-        return cls(gains) if late else ClockSystem(gains)
-
-    @property
-    def event(self) -> EventGains:
-        """The one event."""
-        return self.gains.events[0]
-
-    @property
-    def delta(self) -> float:
-        """Largest time between it and its stamp."""
-        return self.event.time_error or 0.0
 
     def reason_against(self) -> str | None:
         """Reason why widths are not bounded, or None."""
-        event, name = self.event, self.event.name
-        if event.dwell_time is None:
-            return f"event.{name}.every is not stated"
-        if not np.array_equal(event.G, np.eye(self.gains.n)):
-            return (
-                f"event.{name}.G is not the identity: how far the state moves in time_error then "
-                "depends on the state itself, which nothing bounds"
-            )
-        if event.E is not None and event.input_bound is None:
-            return (
-                f"event.{name}.input_bound is not stated: the width grows with time_error times "
-                "what the event adds"
-            )
+        if reason := self.reason_against_clocks():
+            return reason
         if self._largest_flow is None:
             return "the flow does not decay: a curve of an event's time would not become narrower"
         return None
-
-    @cached_property
-    def counted(self) -> tuple[int, ...]:
-        """Sensors with a sample in every time from the end of a window to the next one."""
-        shortest = self.dwell(0)[0]
-        return tuple(k for k in ClockSystem(self.gains).counted if self.gap(k) <= shortest)
-
-    def longest_silence(self, sensor: int, age: Fraction) -> Fraction:
-        """The gap, whatever the age: samples in a window are not used, and its time is left out."""
-        return self.gap(sensor)
-
-    def dwell(self, event: int) -> tuple[float, float]:
-        """(shortest, longest) time from the end of a window to the next one."""
-        low, high = super().dwell(event)
-        rest = Fraction(low) - 2 * Fraction(self.delta)
-        return math.nextafter(float(rest), 0.0), high
 
     def sampled(self, sensor: int) -> Least:
         """What a sample of a sensor makes of the width of the body."""
@@ -106,7 +58,7 @@ class LateSystem(ClockSystem):
 
     def happened(self, events: Sequence[int]) -> tuple[Least, ...]:
         """What a window makes of the width of the body."""
-        flow, delta = exact(self._window_flow), exact(np.array(self.delta))[()]
+        flow, delta = exact(self.window_flow), exact(np.array(self.delta))[()]
         c_lower, c_upper = image_box(*self.event.disturbance)
         c = exact(c_upper) - exact(c_lower)
         rest = (
@@ -120,38 +72,16 @@ class LateSystem(ClockSystem):
         return CurveSizes.from_system(self)
 
     @cached_property
-    def added(self) -> Matrix:
-        """Columns (n, k): their sum, each with any sign, is what an event adds beside c."""
-        lower, upper = image_box(*self.event.disturbance)
-        middle = (lower + 0.5 * (upper - lower))[:, None]
-        if self.event.E is None or self.event.input_bound is None:
-            return middle
-        scaled = self.event.E * self.event.input_bound
-        return np.hstack([middle, np.where(scaled == 0, 0.0, scaled * (1 + 4e-16))])
-
-    @cached_property
-    def _window_flow(self) -> Matrix:
-        """Upper bound of e^{W s} for s from 0 to the length of the window, (n, n)."""
-        W, h = to_float(self.W), 2 * self.delta / _CELLS
-        step = expm(_between(W, h))
-        short = expm(_between(np.maximum(W, 0.0), h)).upper
-        flow, largest = Enclosure.exactly(np.eye(len(W))), short
-        for _ in range(_CELLS - 1):
-            flow = step @ flow
-            largest = np.maximum(largest, _times(short, np.maximum(flow.upper, 0.0)))
-        return largest
-
-    @cached_property
     def _c_spread(self) -> Matrix:
         """Upper bound of sum_i d^i / i! |A^i e^{A d}|, d from 0 to delta, i from 0 on, (n, n)."""
         A, n = self.gains.A, self.gains.n
-        h = self.delta / _CELLS
-        step, short = expm(_between(A, h)), expm(_between(np.abs(A), h)).upper
+        h = self.delta / CELLS
+        step, short = expm(product(A, h)), expm(product(np.abs(A), h)).upper
         flow, largest = Enclosure.exactly(np.eye(n)), np.zeros((n, n))
-        for k in range(_CELLS):
+        for k in range(CELLS):
             terms = _scaled_powers(A, flow, (k + 1) * h)
             total = raised(np.sum([x.magnitude for x in terms], axis=0), len(terms) + 2)
-            largest = np.maximum(largest, _times(total, short))
+            largest = np.maximum(largest, times(total, short))
             flow = step @ flow
         return raised(largest + self._late.remainder[:, 2 * n :], 1)
 
@@ -159,7 +89,7 @@ class LateSystem(ClockSystem):
     def _remainder(self) -> Matrix:
         """What the polynomial of the added columns leaves, (n,)."""
         n = self.gains.n
-        rest = _times(self._late.remainder[:, 2 * n :], np.abs(self.added))
+        rest = times(self._late.remainder[:, 2 * n :], np.abs(self.added))
         return raised(rest.sum(axis=1), rest.shape[1] + 1)
 
     @cached_property
@@ -179,7 +109,7 @@ class LateSystem(ClockSystem):
         """The same; None where no decay is found."""
         A = self.gains.A
         h = 0.5 / max(float(np.abs(A).sum(axis=1).max()), 1e-300)
-        flow, largest = expm(_between(A, h)), expm(_between(np.abs(A), h)).upper
+        flow, largest = expm(product(A, h)), expm(product(np.abs(A), h)).upper
         for _ in range(_DOUBLINGS):
             size = flow.magnitude
             norm = float(size.sum(axis=1).max()) * (1 + 1e-12)
@@ -187,7 +117,7 @@ class LateSystem(ClockSystem):
                 return raised(largest + norm * float(largest.max()), 4)
             if not norm <= _LARGEST_FLOW:
                 return None
-            largest = np.maximum(largest, _times(size, largest))
+            largest = np.maximum(largest, times(size, largest))
             flow = flow @ flow
         return None
 
@@ -227,35 +157,28 @@ class CurveSizes:
 def _sizes_by_age(system: LateSystem, rows: Matrix, shortest: float) -> Matrix:
     """Half ranges of rows times a curve by its age, in cells of the shortest time.
 
-    (MOST_CURVES + 1) _AGES + 1 of them; the last one is for all ages from there on.
+    (MOST_CURVES + 1) _AGES + 1 of them; the last one is for all ages from there on. A window that
+    ends at the age theta was 2 theta long at most, and coefficients are powers of its length.
     """
     A, h = system.gains.A, shortest / _AGES
     added = Enclosure.exactly(system.added)
     terms = _scaled_powers(A, added, system.delta)[1:]
     Q = Enclosure(*(np.hstack([getattr(x, part) for x in terms]) for part in ("mid", "rad")))
-    step, within = expm(_between(A, h)), raised(system.largest_flow, 1)
+    step, within = expm(product(A, h)), expm(product(np.abs(A), h)).upper
     exact_rows, exact_A, sizes = Enclosure.exactly(rows), Enclosure.exactly(A), []
     for _ in range((MOST_CURVES + 1) * _AGES):
-        slope = _times(np.abs(rows), _times(within, (exact_A @ Q).magnitude)) * (h * (1 + 1e-12))
+        slope = times(np.abs(rows), times(within, (exact_A @ Q).magnitude)) * (h * (1 + 1e-12))
         sizes.append(raised(((exact_rows @ Q).magnitude + slope).sum(axis=1), 2 * Q.mid.shape[1]))
         Q = step @ Q
-    tail = _times(np.abs(rows), _times(within, Q.magnitude))
-    return np.array([*sizes, raised(tail.sum(axis=1), 2 * Q.mid.shape[1])])
+    tail = times(np.abs(rows), times(system.largest_flow, Q.magnitude))
+    largest = np.array([*sizes, raised(tail.sum(axis=1), 2 * Q.mid.shape[1])])
+    share = np.minimum((np.arange(len(largest)) + 1) * h / system.delta * (1 + 1e-12), 1.0)
+    return np.asarray(raised(share[:, None] * largest, 1))
 
 
 def _scaled_powers(A: Matrix, X: Enclosure, d: float) -> list[Enclosure]:
     """d^i / i! A^i X for i up to the degree of curves."""
-    terms, once = [X], _between(A, d)
+    terms, once = [X], product(A, d)
     for i in range(1, DEGREE + 1):
         terms.append((once @ terms[-1]).scaled(1.0 / i, 2.0**-53 / i))
     return terms
-
-
-def _between(A: Matrix, h: float) -> Enclosure:
-    """A h."""
-    return Enclosure.exactly(A).scaled(h, 2.0**-52 * abs(h))
-
-
-def _times(X: Matrix, Y: Matrix) -> Matrix:
-    """A product of matrices >= 0, rounded up."""
-    return raised(X @ Y, 2 * X.shape[1])

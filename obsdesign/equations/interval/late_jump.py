@@ -31,6 +31,8 @@ from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, raised, stack
 
 DEGREE = 12  # of the polynomials
 MOST_CURVES = 8  # of the last events that are kept apart; older ones are part of a box
+_LONGEST = 4.0  # window for one polynomial, in units of the flow
+_MOST_PARTS = 1024
 _SLICES = 4  # of [-1, 1], on each of which a polynomial is bounded by its Bernstein coefficients
 
 
@@ -82,6 +84,50 @@ class LateJump:
         rest = raised(self.remainder @ size, terms)[:, 0] + raised(self.x_spread @ radius, terms)
         rest = raised(rest + sum(value.rad[:, 0] for value in values), len(values) + 3)
         return np.array([value.mid[:, 0] for value in values]), rest
+
+
+def parts_of(A: Matrix, h: float) -> int:
+    """Parts of a time h in which the flow changes little."""
+    norm = min(float(np.abs(A).sum(axis=axis).max(initial=0.0)) for axis in (0, 1))
+    return int(np.clip(np.ceil(norm * h), 1, _MOST_PARTS))
+
+
+def is_short(A: Matrix, h: float) -> bool:
+    """Does one polynomial do for a window of length h?"""
+    return parts_of(A, h) <= _LONGEST
+
+
+def added_in_parts(
+    late: LateJump, A: Matrix, h: float, error: float, parts: int, added: tuple[Enclosure, Matrix]
+) -> tuple[Matrix, Matrix]:
+    """(box [lower; -upper], direction (n,)) of what an event with G = I adds in a long window.
+
+    late: of one of its parts, of length h; added: middle (n, 1) and radius of what the event adds.
+    The sum of the box and of eta times the direction, eta from -1 to 1 the time of the event.
+    """
+    n, zero = len(A), np.zeros(len(A))
+    coefficients, radius = late.polynomial(zero, zero, Enclosure.exactly(zero[:, None]), added[0])
+    radius = raised(radius + raised(late.c_spread @ added[1], 2 * n), 2)
+    W = np.where(np.eye(n, dtype=bool), A, np.abs(A))
+    flow, growth = expm(Enclosure.exactly(A).scaled(h, error)), np.maximum(
+        expm(Enclosure.exactly(W).scaled(h, error)).upper, 0.0
+    )  # fmt: skip
+    middles, ends = [], []
+    for _ in range(parts):  # from the last part back to the first
+        low, high = curve_range(coefficients[1:])
+        middles.append(coefficients[0])
+        ends.append((coefficients[0] + low - radius, coefficients[0] + high + radius))
+        after = flow @ Enclosure.exactly(coefficients.T)
+        radius = raised(raised(growth @ radius, 2 * n) + after.rad.sum(axis=1), DEGREE + 4)
+        coefficients = after.mid.T
+    eta = 1.0 - (2.0 * np.arange(parts) + 1.0) / parts
+    direction = (eta[:, None] * np.array(middles)).sum(axis=0) / float((eta**2).sum() or 1.0)
+    reach = np.outer(eta, direction), np.abs(direction) / parts
+    low = np.array([end for end, _ in ends]) - reach[0] - reach[1]
+    high = np.array([end for _, end in ends]) - reach[0] + reach[1]
+    margin = 8 * UNIT * (np.abs(low) + np.abs(high) + 2 * np.abs(direction))
+    box = np.concatenate([(low - margin).min(axis=0), -(high + margin).max(axis=0)])
+    return np.nextafter(box, -np.inf), direction
 
 
 def curve_range(curve: Matrix) -> tuple[Matrix, Matrix]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure
+from obsdesign.equations.interval.late_jump import is_short, parts_of
 from obsdesign.runtime.boxes import BoundsFault
 from obsdesign.runtime.interval.curves import Spread, plus
 from obsdesign.runtime.interval.kernel import crossed
@@ -32,7 +33,7 @@ class Branches:
     def __init__(self, observer: UncertainTimesObserver, state: UncertainState) -> None:
         self.observer, self.inner = observer, observer.inner
         self.clocked, self.spread = state.clocked, state.spread
-        self.windows = list(state.windows)
+        self.windows, self.notes = list(state.windows), tuple[str, ...]()
         self.boxes = {branch.happened: branch.box for branch in state.branches}
         if not self.boxes:
             self.boxes = {0: state.clocked.box}
@@ -84,8 +85,10 @@ class Branches:
             self._reconcile()
         if alive and self.windows:
             self._detect()
-        overflown = [cut.faults for cut in alive.values() if cut.faults]
-        return Cut(self.hull, faults or next(iter(overflown), ()))
+        box = self.hull
+        if not np.isfinite(box).all():
+            faults = (BoundsFault.OVERFLOWED.value, *self.notes)
+        return Cut(box, faults)
 
     def _is_contradicted(self, cut: Cut) -> bool:
         return bool(cut.faults) and cut.faults[0] != BoundsFault.OVERFLOWED.value
@@ -107,7 +110,15 @@ class Branches:
         return np.array_equal(G, np.eye(len(G)))
 
     def _move(self, t: float) -> None:
-        """All sets at time t."""
+        """All sets at time t; in open windows in parts in which the flow changes little."""
+        start = self.clocked.t
+        parts = parts_of(self.observer.gains.A, t - start) if self.windows and t > start else 1
+        for k in range(1, parts):
+            self._step(start + (t - start) * (k / parts))
+        self._step(t)
+
+    def _step(self, t: float) -> None:
+        """All sets at time t, from maps of one step."""
         before = self.clocked
         h, size = t - before.t, max(abs(t), abs(before.t))
         if h <= 0:
@@ -173,6 +184,8 @@ class Branches:
         now = self.clocked.t
         if window.u is None or now == window.since:
             return None
+        if not is_short(self.observer.gains.A, now - window.since):
+            return None
         gains, size = self.observer.gains, max(abs(now), abs(window.since))
         declared = np.stack([gains.flow_lower, gains.flow_upper])
         return self.observer.late_box(
@@ -184,6 +197,7 @@ class Branches:
         if len(self.windows) == MOST_WINDOWS:
             nothing = np.full_like(self.clocked.box, -np.inf)
             self.boxes, self.windows, self.spread = {0: nothing}, [], None
+            self.notes = (f"more than {MOST_WINDOWS} events may happen at once",)
             return
         if self.windows:  # maps from where they opened know of one event alone
             self.windows = [each._replace(u=None) for each in self.windows]

@@ -21,7 +21,13 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.enclosure import Enclosure, expm, raised
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
-from obsdesign.equations.interval.late_jump import LateJump
+from obsdesign.equations.interval.late_jump import (
+    DEGREE,
+    LateJump,
+    added_in_parts,
+    is_short,
+    parts_of,
+)
 from obsdesign.runtime.announced import announcing, closing, opening, uncertain
 from obsdesign.runtime.base import Announced, Estimate, Sample
 from obsdesign.runtime.bounds import DeclaredBounds
@@ -32,8 +38,8 @@ from obsdesign.runtime.interval.branches import Branches
 from obsdesign.runtime.interval.curves import plus, ranges
 from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver, Row
 from obsdesign.runtime.interval.uncertain_state import Known, UncertainState, Window
-from obsdesign.runtime.step_cache import shared_step
-from obsdesign.runtime.time_stamps import time_tolerance
+from obsdesign.runtime.step_cache import shared_length, shared_step
+from obsdesign.runtime.time_stamps import length_error, time_tolerance
 
 exactly = Enclosure.exactly
 
@@ -179,15 +185,21 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
         body = np.nextafter(np.concatenate([values[0], -values[0]]) - np.tile(rest, 2), -np.inf)
         return body, values[1:]
 
-    def late_jump_alone(
-        self, window: Window, h: float, size: float
-    ) -> tuple[Matrix, Matrix]:  # fmt: skip
+    def late_jump_alone(self, window: Window, h: float, size: float) -> tuple[Matrix, Matrix]:
         """(body, curve) of what an event with G = I adds to the state at the end of its window."""
-        nothing = np.zeros(2 * self.n)
-        maps, zero = self.late(window, h, size), exactly(np.zeros((self.n, 1)))
+        n, A = self.n, self.gains.A
         gamma, c_rad = self._jump_input(window)
-        values, rest = maps.polynomial(nothing[: self.n], nothing[: self.n], zero, gamma)
-        rest = raised(rest + raised(maps.c_spread @ c_rad, 2 * self.n), 2)
+        if not is_short(A, h):
+            parts = parts_of(A, h)
+            length, half = shared_length(h / parts, size)
+            error = half + length_error(length, size)
+            late = self.late(window, h / parts, size)
+            body, direction = added_in_parts(late, A, length, error, parts, (gamma, c_rad))
+            return body, np.vstack([direction, np.zeros((DEGREE - 1, n))])
+        zero, nothing = exactly(np.zeros((n, 1))), np.zeros(n)
+        maps = self.late(window, h, size)
+        values, rest = maps.polynomial(nothing, nothing, zero, gamma)
+        rest = raised(rest + raised(maps.c_spread @ c_rad, 2 * n), 2)
         body = np.concatenate([values[0], -values[0]]) - np.tile(rest, 2)
         return np.nextafter(body, -np.inf), values[1:]
 

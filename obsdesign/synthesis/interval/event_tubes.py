@@ -21,6 +21,7 @@ from obsdesign.analysis.interval.event_graph import (
 )
 from obsdesign.analysis.interval.late_system import LateSystem
 from obsdesign.analysis.interval.step_graph import step_graph
+from obsdesign.analysis.interval.turning_system import SizeSystem, TurningSystem, turns
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 
 # parts of a sensor's longest gap, and of the shortest time between events: first and last
@@ -46,14 +47,6 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
         return {"event_stability": stability}
     width = _certificate(system, width_graph, (_first_cells(system), _FOR_WIDTH[1]), budget)
     return {"event_stability": stability, "event_width": width}
-
-
-def _late_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEntries:
-    """That of `late_width`; without a tube where its reason is known, or there are more events."""
-    late = LateSystem(gains)
-    if len(gains.events) > 1 or late.reason_against() is not None:
-        return {}
-    return _certificate(late, width_graph, _FOR_WIDTH, budget)
 
 
 def _first_cells(system: ClockSystem) -> int:
@@ -83,6 +76,26 @@ def step_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[s
             break
         certificates[name] = {"tube": certificate}
     return certificates
+
+
+def _late_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEntries:
+    """Certificate of `late_width`, or the limit of its search; empty where it is not to be had."""
+    if len(gains.events) > 1:
+        return {}
+    if not turns(gains):
+        late = LateSystem(gains)
+        return {} if late.reason_against() else _certificate(late, width_graph, _FOR_WIDTH, budget)
+    if TurningSystem(gains).reason_against():
+        return {}
+    size = SizeSystem(gains)
+    sizes = _certificate(size, width_graph, _FOR_WIDTH, budget)
+    nodes = width_graph(size, sizes["cells"]) if "tube" in sizes else None
+    if nodes is None:
+        return sizes
+    largest = np.max([sizes["tube"][mark.node] for mark in nodes.marks], axis=0)
+    turning = TurningSystem(gains, tuple(largest.tolist()))
+    own = _certificate(turning, width_graph, _FOR_WIDTH, budget)
+    return own if "tube" not in own else {**own, "sizes": sizes}
 
 
 def _certificate(

@@ -14,6 +14,7 @@ from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.analysis.interval.late_system import LateSystem
 from obsdesign.analysis.interval.several_clocks import reason_against_clocks
+from obsdesign.analysis.interval.turning_system import SizeSystem, TurningSystem, turns
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.problem.problem import Problem
@@ -55,13 +56,33 @@ def late_claims(
         "from every stamp, for all times of events, stamps and samples that the clocks allow and "
         "known inputs within input_bound",
         _SOURCE,
-        _width(LateSystem(gains), certificates.get("late_width", {})),
+        _width(gains, certificates.get("late_width", {})),
     )
     return (agreement, width)
 
 
-def _width(system: LateSystem, proposed: Entries) -> Verdict:
-    """The tube of a certificate, proved, and what it comes to with the curves."""
+def _width(gains: ClockedIntervalGains, proposed: Entries) -> Verdict:
+    """The tube of a certificate, proved, and what it comes to."""
+    if not turns(gains):
+        return _with_curves(LateSystem(gains), proposed)
+    if reason := TurningSystem(gains).reason_against():
+        return undecided(reason)
+    sizes = proved_width(SizeSystem(gains), proposed.get("sizes", {}))
+    if sizes.outcome != "proved":
+        return undecided("no tube was found for the size of the state")
+    name = gains.events[0].name
+    system = TurningSystem(gains, tuple(sizes.evidence["before"][name]))
+    verdict = proved_width(system, proposed)
+    if verdict.outcome != "proved":
+        return verdict
+    own = {part: verdict.evidence[part][name] for part in ("before", "after")}
+    kept = {part: sizes.evidence[part] for part in ("cells", "tube")}
+    kept["before"] = sizes.evidence["before"][name]
+    return proved(**{**verdict.evidence, **own}, sizes=kept)
+
+
+def _with_curves(system: LateSystem, proposed: Entries) -> Verdict:
+    """The tube of the body, proved, and the curves beside it."""
     if reason := system.reason_against():
         return undecided(reason)
     verdict = proved_width(system, proposed)

@@ -16,6 +16,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem, load_problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Announced, Estimate, Observer, Sample, rows_of
+from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver
 from obsdesign.runtime.late_rows import PROVISIONAL, Replay
 from obsdesign.runtime.load import observer_class
@@ -72,6 +73,36 @@ def test_the_state_stays_inside_in_fifty_digits(seed: int, since: float) -> None
         assert case.outside() == []
         words = case.statuses()
     assert not [word for word in words if "outside" in word or "void" in word or "crossed" in word]
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("plain", [False, True])
+def test_windows_that_are_long_for_a_fast_state(seed: int, plain: bool) -> None:
+    with fifty_digits():
+        case = record(seed, 3.0, fast=40.0, plain=plain)
+        assert case.outside() == []
+        words = case.statuses()
+    assert not [word for word in words if "outside" in word or "void" in word or "crossed" in word]
+
+
+@pytest.mark.parametrize("fast", [5.0, 200.0, 2000.0])
+def test_a_fast_state_passes_on_what_it_has(fast: float) -> None:
+    """The slow state gets 1 / fast of the event: its bounds are no wider than twice that."""
+    body = {
+        "flow": {"A": [[-fast, 0], [1, -0.1]]},
+        "event": [
+            {
+                "name": "hit", "disturbance": {"lower": [1, 0], "upper": [1, 0]}, "every": [6, 14],
+                "time_error": 0.25,
+            }
+        ],
+        "sensor": [{"name": "y", "C": [[0, 1]], "noise_bound": 0.02, "every": [0, 5]}],
+    }  # fmt: skip
+    rows = [Sample(0.0), Sample(1.0, jump=True, events=(0,)), Sample(3.0)]
+    (*_, last) = widths(estimates(observer_of(body), rows))
+    hull = exact_hull(np.array(body["flow"]["A"]), np.array([1.0, 0]), 3.0, [1.0], 0.25)
+    assert (hull * (1 - 1e-6) <= last + 1e-12).all()
+    assert last[1] <= 2.0 / fast
 
 
 def test_an_event_farther_from_its_stamp_is_outside() -> None:
@@ -305,3 +336,39 @@ def test_simulations_draw_true_times_within_the_error() -> None:
     other = simulate(exact, until=40.0, initial=np.zeros(3), disturbance="zero", step=0.05)
     assert np.array_equal(other.t[other.happened[:, 0]], stamps)  # type: ignore[index]
     assert not np.allclose(run.block("x"), other.block("x"))
+
+
+def test_more_windows_at_once_than_can_be_told_apart_leave_no_bounds() -> None:
+    event = {
+        **PK["event"][0],
+        "every": None,
+        "E": None,
+        "disturbance": {"lower": [1, 0, 0], "upper": [2, 0, 0]},
+    }
+    event = {key: value for key, value in event.items() if value is not None}
+    observer = observer_of({**PK, "event": [event]})
+    stamps = [1.0 + 0.01 * k for k in range(7)]
+    for count, finite in ((5, True), (6, False)):
+        rows = [Sample(0.0), *(Sample(t, jump=True, events=(0,)) for t in stamps[:count])]
+        (*_, last) = estimates(observer, [*rows, Sample(2.0)])
+        assert np.isfinite(last.lower).all() == finite  # type: ignore[arg-type]
+        if finite:  # between five early events of 1 and five late ones of 2
+            assert last.lower[0] <= 5 * np.exp(-1.22)  # type: ignore[index]
+            assert last.upper[0] >= 10 * np.exp(-0.74)  # type: ignore[index]
+        else:
+            words = [e.status for e in estimates(observer, [*rows, Sample(2.0)])]
+            assert any("more than 5 events may happen at once" in word for word in words)
+            assert last.status == "bounds overflowed"
+
+
+def test_a_record_at_once_is_that_of_its_rows() -> None:
+    observer: Any = observer_of(PK)
+    rows = simulated(PK, 3)
+    expected = estimates(observer, rows, 1.0)
+    batch = observer.run_batch(
+        [row.t for row in rows], [row.y for row in rows], w=[row.w for row in rows],
+        jump=[row.jump for row in rows], lower=[-1.0] * 3, upper=[1.0] * 3,
+    )  # fmt: skip
+    assert np.array_equal(batch.lower, np.array([e.lower for e in expected]))
+    with pytest.raises(ValueError, match="one event and one sensor"):
+        Fleet((observer, observer))

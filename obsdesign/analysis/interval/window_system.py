@@ -1,0 +1,104 @@
+"""What systems of widths with one event at uncertain times have in common.
+
+Times count from the end of one window to the beginning of the next: stamps T1 to T2 apart leave
+T1 - 2 delta to T2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import to_float
+from lmi.arithmetic.enclosure import Enclosure, expm, raised
+from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.equations.boxes import image_box
+from obsdesign.equations.clocks import EventGains
+from obsdesign.equations.interval.late_jump import is_short
+
+CELLS = 64  # of a window
+
+
+@dataclass(frozen=True)
+class WindowSystem(ClockSystem):
+    """Clocks between windows, and the flow in them."""
+
+    @property
+    def event(self) -> EventGains:
+        """The one event."""
+        return self.gains.events[0]
+
+    @property
+    def delta(self) -> float:
+        """Largest time between it and its stamp."""
+        return self.event.time_error or 0.0
+
+    def reason_against_clocks(self) -> str | None:
+        """Reason why widths are not bounded: what the file does not state; or None."""
+        event, name = self.event, self.event.name
+        if event.dwell_time is None:
+            return f"event.{name}.every is not stated"
+        if event.E is not None and event.input_bound is None:
+            return (
+                f"event.{name}.input_bound is not stated: the width grows with time_error times "
+                "what the event adds"
+            )
+        if not is_short(self.gains.A, 2 * self.delta):
+            return (
+                f"event.{name}.time_error is long against the fastest mode of the flow, where no "
+                "width is proved"
+            )
+        return None
+
+    @cached_property
+    def counted(self) -> tuple[int, ...]:
+        """Sensors with a sample in every time from the end of a window to the next one."""
+        shortest = self.dwell(0)[0]
+        return tuple(k for k in ClockSystem(self.gains).counted if self.gap(k) <= shortest)
+
+    def longest_silence(self, sensor: int, age: Fraction) -> Fraction:
+        """The gap, whatever the age: samples in a window are not used, and its time is left out."""
+        return self.gap(sensor)
+
+    def dwell(self, event: int) -> tuple[float, float]:
+        """(shortest, longest) time from the end of a window to the next one."""
+        low, high = super().dwell(event)
+        rest = Fraction(low) - 2 * Fraction(self.delta)
+        return math.nextafter(float(rest), 0.0), high
+
+    @cached_property
+    def added(self) -> Matrix:
+        """Columns (n, k): their sum, each with any sign, is what an event adds beside c."""
+        lower, upper = image_box(*self.event.disturbance)
+        middle = (lower + 0.5 * (upper - lower))[:, None]
+        if self.event.E is None or self.event.input_bound is None:
+            return middle
+        scaled = self.event.E * self.event.input_bound
+        return np.hstack([middle, np.where(scaled == 0, 0.0, scaled * (1 + 4e-16))])
+
+    @cached_property
+    def window_flow(self) -> Matrix:
+        """Upper bound of e^{W s} for s from 0 to the length of the window, (n, n)."""
+        W, h = to_float(self.W), 2 * self.delta / CELLS
+        step = expm(product(W, h))
+        short = expm(product(np.maximum(W, 0.0), h)).upper
+        flow, largest = Enclosure.exactly(np.eye(len(W))), short
+        for _ in range(CELLS - 1):
+            flow = step @ flow
+            largest = np.maximum(largest, times(short, np.maximum(flow.upper, 0.0)))
+        return largest
+
+
+def product(A: Matrix, h: float) -> Enclosure:
+    """A h, enclosed."""
+    return Enclosure.exactly(A).scaled(h, 2.0**-52 * abs(h))
+
+
+def times(X: Matrix, Y: Matrix) -> Matrix:
+    """A product of matrices >= 0, rounded up."""
+    return raised(X @ Y, 2 * X.shape[1])
