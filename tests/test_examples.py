@@ -40,7 +40,7 @@ def test_an_example_is_proved_and_runs(path: Path) -> None:
     initial = bounds if design.kind in GIVING_BOUNDS else None
     state = observer.start(float(record.t[0]), initial)
     given = {letter: record.block(letter) for letter in "uw" if record.block(letter).size}
-    jump = None if record.happened is None else record.happened.any(axis=1)
+    jump = record.columns.get("jump") if problem.plant.has_one_clock else record.happened
     samples = rows_of(record.t, record.block("y"), **given, jump=jump, mode=record.mode)
     estimates = list(observer.run(state, samples))
     assert len(estimates) == len(record.t)
@@ -83,8 +83,8 @@ def test_an_example_of_several_clocks_keeps_its_certified_width(
     )
     x, observer = record.block("x"), from_design(outcome.design)
     start = np.column_stack([x[0] - 0.4 * widths, x[0] + 0.4 * widths]).ravel()
-    jump = None if record.happened is None else record.happened.any(axis=1)
-    samples = rows_of(record.t, *(record.block(letter) for letter in "yuw"), jump=jump)
+    given = {letter: record.block(letter) for letter in "uw" if record.block(letter).size}
+    samples = rows_of(record.t, record.block("y"), **given, jump=record.happened)
     rows = list(observer.run(observer.start(record.t[0], start.tolist()), samples))
     assert {row.status for row in rows} == {"ok"}
     low, high = (np.array([getattr(row, end) for row in rows]) for end in ("lower", "upper"))

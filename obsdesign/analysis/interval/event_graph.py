@@ -11,7 +11,6 @@ since the last one (`time_graph`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -25,7 +24,7 @@ from obsdesign.analysis.interval.passage_times import held, passage
 from obsdesign.analysis.interval.tick_graph import TickGraph
 
 MOST_CELLS = 256
-_MOST_NODES = 3000
+MOST_NODES = 3000
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,10 @@ class EventGraph:
     always: tuple[int, ...]
 
 
-def width_graph(system: ClockSystem, cells: int) -> EventGraph | None:
-    """The graph of widths at all times; None where it would be too large.
+def width_graph(
+    system: ClockSystem, cells: int, most: float = MOST_NODES
+) -> EventGraph | None:  # fmt: skip
+    """The graph of widths at all times; None where it would have more than `most` nodes.
 
     cells: parts of a gap, and of the shortest time between two events of a name.
     """
@@ -55,31 +56,31 @@ def width_graph(system: ClockSystem, cells: int) -> EventGraph | None:
     if not events:
         return _still(system)
     builder = TickGraph(system, events, cells)
-    return _whole(builder, builder.always)
+    return _whole(builder, most)
 
 
-def stability_graph(system: ClockSystem, cells: int) -> EventGraph | None:
-    """The graph of widths without inputs, at marks; None where it would be too large.
+def stability_graph(
+    system: ClockSystem, cells: int, most: float = MOST_NODES
+) -> EventGraph | None:  # fmt: skip
+    """The graph of widths without inputs, at marks; otherwise as `width_graph`.
 
     Only events that count are in it.
     """
     events = [e for e in range(len(system.gains.events)) if system.counts(e)]
-    whole = _whole(MarkGraph(system, events, cells), tuple) if events else _still(system)
+    whole = _whole(MarkGraph(system, events, cells), most) if events else _still(system)
     return None if whole is None else replace(whole, graph=_homogeneous(whole.graph))
 
 
-def _whole(builder: MarkGraph, always: Callable[[], tuple[int, ...]]) -> EventGraph | None:
-    """What a builder has built; None where it would be too large."""
-    if not builder.preceding:
-        return None
-    graph = builder.graph()
-    if len(graph.nodes) > _MOST_NODES:
+def _whole(builder: MarkGraph, most: float) -> EventGraph | None:
+    """What a builder builds; None where it would be too large."""
+    graph = builder.graph(most) if builder.preceding else None
+    if graph is None:
         return None
     marks = tuple(
         MarkNode(builder.place("mark", mark), builder.marks.marks[mark].events, builder.event(mark))
         for mark in builder.preceding
     )
-    return EventGraph(graph, marks, always())
+    return EventGraph(graph, marks, builder.always() if isinstance(builder, TickGraph) else ())
 
 
 def _homogeneous(graph: Graph) -> Graph:

@@ -57,8 +57,7 @@ class MarkGraph:
         """Cells of the time since a sample, as short as those of the time since an event."""
         gap = self.system.gap(sensor)
         unit = min(gap, self.marks.unit or gap)
-        count = -(-gap * self.marks.cells // unit)
-        return parts_of(gap, int(count))
+        return parts_of(gap, self.marks.count_of(gap, unit))
 
     def _aged(self, sensor: int) -> Iterator[tuple[int, int]]:
         """(mark, cell) that may be: the last sample after the mark before, or before that too."""
@@ -101,12 +100,14 @@ class MarkGraph:
         """The place of a sensor's sample among the events of the graph."""
         return len(self.marks.kinds) + self.system.counted.index(sensor)
 
-    def graph(self) -> Graph:
-        """All nodes that passages lead from, the marks first."""
+    def graph(self, most: float) -> Graph | None:
+        """All nodes that passages lead from, the marks first; None where they are more."""
         for mark in self.preceding:
             self.place("mark", mark)
         nodes: list[list[Strategy]] = []
         while len(nodes) < len(self.places):
+            if len(self.places) > most:
+                return None
             node = list(self.places)[len(nodes)]
             nodes.append([each for each in self.strategies(node) if each])
         events = [self.system.happened(kind) for kind in self.marks.kinds]

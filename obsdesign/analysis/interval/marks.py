@@ -26,6 +26,7 @@ Range = tuple[Fraction, Fraction | None]
 NO_TIME: Range = (Fraction(0), Fraction(0))
 _ANY_TIME: Range = (Fraction(0), None)
 MOST_MARKS = 250
+_MOST_PARTS = 64
 
 
 def meet(one: Range, two: Range) -> Range | None:
@@ -101,6 +102,10 @@ class Marks:
         """Longest time between two marks, None where it is infinite."""
         return min((high for _, high in self.dwells.values() if high is not None), default=None)
 
+    def count_of(self, time: Fraction, unit: Fraction) -> int:
+        """Cells of a time, `cells` in each unit; larger ones where they would be too many."""
+        return min(math.ceil(time * self.cells / unit), _MOST_PARTS)
+
     def count(self) -> int:
         """How many marks there are at most."""
         return sum(math.prod(len(own) for own in self._ages(kind)) for kind in self.kinds)
@@ -115,7 +120,7 @@ class Marks:
         cells: list[Range] = []
         if shortest > 0:
             assert self.unit is not None
-            cells += parts_of(shortest, math.ceil(shortest * self.cells / self.unit))
+            cells += parts_of(shortest, self.count_of(shortest, self.unit))
         if longest is None:
             return [*cells, (shortest, None)]
         beyond = 1 if self._decays or longest == shortest else self.cells

@@ -15,6 +15,7 @@ from lmi.time_budget import TimeBudget, ended_by_count
 from obsdesign.analysis.interval.clock_system import ClockSystem
 from obsdesign.analysis.interval.event_graph import (
     MOST_CELLS,
+    MOST_NODES,
     EventGraph,
     stability_graph,
     width_graph,
@@ -52,10 +53,7 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
 def _first_cells(system: ClockSystem) -> int:
     """Cells of the first graph for widths: as many as leave it of a moderate size."""
     cells = _FOR_WIDTH[0]
-    while cells > 1:
-        nodes = width_graph(system, cells)
-        if nodes is not None and len(nodes.graph.nodes) <= _FIRST_NODES:
-            break
+    while cells > 1 and width_graph(system, cells, _FIRST_NODES) is None:
         cells //= 2
     return cells
 
@@ -100,7 +98,7 @@ def _late_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEnt
 
 def _certificate(
     system: ClockSystem,
-    graph_of: Callable[[ClockSystem, int], EventGraph | None],
+    graph_of: Callable[[ClockSystem, int, float], EventGraph | None],
     ends: tuple[int, int],
     budget: TimeBudget,
 ) -> NewEntries:
@@ -111,9 +109,8 @@ def _certificate(
     cells, most = ends[0], int(min(budget.scaled(ends[1]), MOST_CELLS))
     if not system.gains.events:  # cells are parts of what events leave
         most = cells
-    while cells <= most and (nodes := graph_of(system, cells)) is not None:
-        if len(nodes.graph.nodes) > budget.scaled(_MOST_NODES):
-            break
+    nodes_limit = min(budget.scaled(_MOST_NODES), MOST_NODES)
+    while cells <= most and (nodes := graph_of(system, cells, nodes_limit)) is not None:
         for tube in proposed_tubes(nodes.graph, _added(nodes.graph), budget):
             if prove_graph(nodes.graph, tube.tolist()).outcome == "proved":
                 return {"cells": cells, "tube": tube.tolist()}

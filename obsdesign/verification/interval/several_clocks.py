@@ -200,8 +200,17 @@ def reason_without_tube(system: ClockSystem) -> str:
         f"sensor {name} may be silent for any time, and is not counted on"
         for name in system.not_counted
     ]
-    ends = [system.dwell(k)[1] for k in range(len(system.gains.events))]
-    if ends and min(ends) == math.inf and (reason := _reason_against_endless(system)):
+    dwells = [system.dwell(k) for k in range(len(system.gains.events))]
+    sentences += [
+        f"event {own.name} has no shortest time above zero: any number may happen at once"
+        for own, (shortest, _) in zip(system.gains.events, dwells, strict=True)
+        if shortest == 0.0
+    ]
+    if (
+        dwells
+        and min(longest for _, longest in dwells) == math.inf
+        and (reason := _reason_against_endless(system))
+    ):
         sentences.append(reason)
     return "; ".join(sentences)
 

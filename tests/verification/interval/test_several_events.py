@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 import obsdesign
+from obsdesign import workflow
 from obsdesign.analysis.interval.event_graph import stability_graph
 from obsdesign.analysis.interval.marks import Marks
 from obsdesign.data.simulation import simulate
@@ -267,3 +268,9 @@ def test_doses_do_not_matter_for_stability() -> None:
     endless = bolus(2)
     endless["event"][1]["every"] = [0, 40]
     assert not any(is_stable(endless, cells) for cells in (1, 2, 4))
+    reason = next(
+        claim.evidence["reason"]
+        for claim in workflow.investigate(Problem.from_dict(endless)).claims
+        if claim.id == "event_width"
+    )
+    assert "event bolus has no shortest time above zero" in reason
