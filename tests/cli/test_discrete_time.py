@@ -37,6 +37,20 @@ def command(*words: object) -> Result:
     return result
 
 
+def check_parts(folder: Path, initial: list[str]) -> None:
+    """The record in two parts, with a state file between them: the same estimates."""
+    rows = (folder / "y.csv").read_text().splitlines()
+    parts = [folder / "first.csv", folder / "second.csv"]
+    parts[0].write_text("\n".join(rows[:12]) + "\n")
+    parts[1].write_text("\n".join([rows[0], *rows[12:]]) + "\n")
+    lines = list[str]()
+    for part, start in zip(parts, (initial, []), strict=True):
+        own = ["--state", folder / "s.state", "-o", folder / "part.csv"]
+        assert command("run", folder / "d.json", part, *start, *own).exit_code == 0
+        lines += (folder / "part.csv").read_text().splitlines()[bool(lines) :]
+    assert lines == (folder / "x.csv").read_text().splitlines()
+
+
 @pytest.mark.parametrize("kind", TAKING_DISCRETE_TIME)
 def test_from_text_to_page(kind: str, tmp_path: Path) -> None:
     problem, design, data = (tmp_path / name for name in ("p.toml", "d.json", "y.csv"))
@@ -50,6 +64,7 @@ def test_from_text_to_page(kind: str, tmp_path: Path) -> None:
     result = command("run", design, data, "-o", estimate, *initial)
     assert result.exit_code == 0
     assert len(estimate.read_text().splitlines()) == 32
+    check_parts(tmp_path, initial)
     assert command("report", design, "--data", data, "-o", page, *initial).exit_code == 0
     assert command("plot", estimate, data, "--design", design, "-o", picture).exit_code == 0
     assert picture.stat().st_size > 10_000

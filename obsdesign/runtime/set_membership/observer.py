@@ -224,7 +224,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     ) -> Stage:
         h, size = t - state.t, max(abs(t), abs(state.t))
         if self.gains.dt is not None:
-            h = self.gains.dt * steps_between(state.t, t, self.gains.dt)
+            steps_between(state.t, t, self.gains.dt)  # refuses a time between two steps
         table = self._tables.for_step(h, size)
         known, radius = self._disturbed(self._model.flow, state.u, state.held)
         return Stage(
