@@ -17,6 +17,7 @@ from lmi.arithmetic.balls import exact, to_float
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.impulsive_input.requirements import (
     reason_against_jumps,
+    reason_against_noise,
     reason_against_sizes,
 )
 from obsdesign.analysis.riccati import riccati_shift
@@ -25,6 +26,7 @@ from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.impulsive_input.decision_rule import (
     evaluation_rule,
+    has_noise,
     reason_against_exponents,
     reason_against_margin,
     threshold_for,
@@ -155,6 +157,8 @@ def _reason_against(problem: Problem, stored: Entries) -> str | None:
     assert plant.jump is not None
     if text := reason_against_jumps(plant.jump, plant.n) or reason_against_sizes(plant):
         return text
+    if text := reason_against_noise(plant.output):
+        return text
     for name in ("window", "margin"):
         if not is_positive(stored.get(name)):
             return f"gains.{name} must be a positive number"
@@ -214,8 +218,10 @@ def _required_rule(plant: Plant, stored: Entries) -> str:
     window = _stored_window(plant, stored)
     if window is None:
         return fallback
+    # those of old, without units of outputs, search |R| in noise too
+    noisy = has_noise(plant.output) and "output_units" in stored
     try:
-        rule, oldest = evaluation_rule(window)
+        rule, oldest = evaluation_rule(window, noisy=noisy)
     except ValueError:
         return fallback
     refused = reason_against_margin(oldest, window.tau, window.margin) is not None
@@ -252,8 +258,7 @@ def _required_units(plant: Plant, stored: Entries) -> Matrix | None:
         return None
     if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
         return None
-    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
-    required, units = output_units(plant.output, D, plant.jump.H, ends[1]), stored["output_units"]
+    required, units = output_units(plant, K, plant.jump.H, ends[1]), stored["output_units"]
     if required is None or not isinstance(units, np.ndarray) or units.shape != required.shape:
         return required
     return units if np.allclose(units, required, rtol=_ROUNDING, atol=0.0) else required
