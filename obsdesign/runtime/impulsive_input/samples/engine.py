@@ -139,13 +139,13 @@ class SamplesEngine:
     def _guess(self, x: Matrix, row: Row) -> Matrix:
         """Deviations of a first guess: an impulse as large as the first measurement.
 
-        In the output that it explains least; not in one that shows no impulse but for rounding.
+        Of the weight that some output needs, if it shows impulses by more than rounding.
         """
         count, C = 64, self.gains.C
         states = self.model.states(np.linspace(0.0, self.gains.window, count + 1))  # (k, n)
         shown = np.abs(states @ C.T).max(axis=0)
         seeing = shown > _LEAST_SHOWN * (np.abs(states) @ np.abs(C).T).max(axis=0)
-        y = shown if row.y is None else np.maximum(np.abs(row.y) / 2, np.abs(row.y - C @ x))
+        y = shown / 2 if row.y is None else np.maximum(np.abs(row.y) / 2, np.abs(row.y - C @ x))
         weight = float((y[seeing] / shown[seeing]).max(initial=0.0))
         sizes = np.abs(states).max(axis=0) * weight
         return np.asarray(np.maximum(sizes, 1e-6 * (float(sizes.max()) or 1.0)))
