@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from obsdesign.equations.impulsive_input.gains import LARGEST, SMALLEST
+from obsdesign.equations.plant import Output
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.plant import Jump, Plant
 from obsdesign.problem.problem import Problem
@@ -56,6 +57,21 @@ def reason_against_sizes(plant: Plant) -> str | None:
                 f"got {largest:g}. Are the units what they should be?"
             )
     return None
+
+
+def reason_against_noise(output: Output) -> str | None:
+    """Return which output is exact beside others with noise, or None.
+
+    It would outweigh them without limit, by rounding alone.
+    """
+    silent = (output.noise_std == 0) & (output.noise_cv == 0)
+    if silent.all() or not silent.any():
+        return None
+    return (
+        "output.noise_std (or noise_cv) must be > 0 for every output or for none, kind "
+        f"'impulsive_input'; got 0 for output {np.flatnonzero(silent)[0] + 1}, beside others with "
+        "noise. State its resolution."
+    )
 
 
 def integral_entries(problem: Problem) -> list[str]:

@@ -13,6 +13,7 @@ from obsdesign.equations.impulsive_input.features import (
     impulse_responses,
 )
 from obsdesign.equations.impulsive_input.gains import MAX_GROWTH_EXPONENT
+from obsdesign.equations.plant import Output
 
 # rule "position": age from which an impulse is evaluated, of the window
 EVALUATED_AGE_SHARE = 0.7
@@ -62,13 +63,21 @@ def reason_against_exponents(exponents: Array, n: int, p: int, window: float) ->
     return None
 
 
-def evaluation_rule(window: FeatureWindow) -> tuple[str, float]:
+def has_noise(output: Output) -> bool:
+    """Whether outputs have noise: all of them or none."""
+    return bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
+
+
+def evaluation_rule(window: FeatureWindow, *, noisy: bool) -> tuple[str, float]:
     """(`peak` where every impulse makes one in |R|, else `position`; oldest age searched).
 
-    Floats: a choice to make, no proof. ValueError where the features cannot be followed.
+    noisy: outputs have noise. With several of them it is `position`, of whitened features: through
+    K the noise of one output is in the residuals of all, and |R| may hold little else. Floats: a
+    choice to make, no proof. ValueError where the features cannot be followed.
     """
     curve = impulse_curve(window)
-    is_peak = has_peak(curve.F, window.H, window.tau, window.margin)
+    alone = not noisy or len(window.C) == 1
+    is_peak = alone and has_peak(curve.F, window.H, window.tau, window.margin)
     return "peak" if is_peak else "position", curve.oldest
 
 

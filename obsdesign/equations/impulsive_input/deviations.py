@@ -101,7 +101,7 @@ class NoisyImpulses:
 
     def age(self) -> float:
         """Age at which an impulse is evaluated. ValueError where features cannot be followed."""
-        rule, oldest = evaluation_rule(self.window)
+        rule, oldest = evaluation_rule(self.window, noisy=True)
         return (
             peak_age(impulse_curve(self.window))
             if rule == "peak"

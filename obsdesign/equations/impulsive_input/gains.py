@@ -51,6 +51,9 @@ class ImpulsiveInputGains(PlantGains):
             raise ValueError("gains.dwell_time must have shape 2; got nothing.")
         if self.initial_std is not None and not (self.initial_std >= 0).all():
             raise ValueError("gains.initial_std must be >= 0.")
+        noisy = (self.noise_std > 0) | (self.noise_cv > 0)
+        if noisy.any() and not noisy.all():
+            raise ValueError("gains.noise_std must be > 0 for every output or for none.")
         for name in ("window", "margin"):
             if not is_positive(getattr(self, name)):
                 raise ValueError(f"gains.{name} must be a positive number.")

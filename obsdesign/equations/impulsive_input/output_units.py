@@ -1,8 +1,9 @@
 """Units in which several outputs stand beside each other in features: those of y are free.
 
-|R|, by which impulses are looked for and the plain norm fits them, adds features of all outputs.
-Each is therefore divided by a unit of its output, which designs store: the deviation of its noise,
-else the radius of its bounds, else the largest that an impulse of weight 1 leaves in it.
+|R|, by which impulses are looked for without noise and the plain norm fits them, adds features of
+all outputs. Each is therefore divided by a unit of its output, which designs store: the deviation
+of its noise, else the radius of its bounds, else the largest that an impulse of weight 1 leaves in
+it. Where K cancels an impulse in an output but for rounding, it is what states are without K.
 """
 
 from __future__ import annotations
@@ -11,18 +12,21 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import exponential_grid
-from obsdesign.equations.plant import Output
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.plant import Plant
 
 _POINTS = 200
+# of |C| |x|, x after an impulse without K: what is less is rounding, in any units of x and y
+_LEAST_SHARE = 1e-9
 
 
-def output_units(output: Output, D: Matrix, H: Matrix, tau: float) -> Matrix | None:
+def output_units(plant: Plant, K: Matrix, H: Matrix, tau: float) -> Matrix | None:
     """Units (p,), of one kind for all outputs; None for one output, which stands alone.
 
-    D = A - K C; tau: length of a window. Of an output in which no impulse is left: its largest
-    coefficient, 1 where it has none.
+    tau: length of a window. Of an output that no impulse reaches: its largest coefficient, 1 where
+    it has none.
     """
-    C = output.C
+    A, output, C = plant.flow.A, plant.output, plant.output.C
     if len(C) == 1:
         return None
     if (output.noise_std > 0).all():
@@ -31,8 +35,13 @@ def output_units(output: Output, D: Matrix, H: Matrix, tau: float) -> Matrix | N
     if radius is not None and (radius > 0).all():
         return radius
     with np.errstate(over="ignore", invalid="ignore"):
-        states = exponential_grid(D, 0.0, tau / _POINTS, _POINTS + 1) @ H
+        states, free = (
+            exponential_grid(flow, 0.0, tau / _POINTS, _POINTS + 1) @ H
+            for flow in (flow_error_matrix(A, K, C), A)
+        )
         left = np.abs(C @ states).max(axis=(0, 2), initial=0.0)
+        whole = (np.abs(C) @ np.abs(free)).max(axis=(0, 2), initial=0.0)
     coefficients = np.abs(C).max(axis=1)
-    shown = np.isfinite(left) & (left > 0)
-    return np.where(shown, left, np.where(coefficients > 0, coefficients, 1.0))
+    whole = np.where(np.isfinite(whole) & (whole > 0), whole, coefficients)
+    shown = np.isfinite(left) & (left > _LEAST_SHARE * whole)
+    return np.where(shown, left, np.where(whole > 0, whole, 1.0))

@@ -119,7 +119,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
 
         covariance: (n, n) of that guess, used by `gls`; by default that of `initial_std` of the
         design, and without it taken from the data of the first window, as an impulse that would
-        explain their range.
+        explain their range (operator `samples`: the first sample).
         """
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         if not np.isfinite(guess).all():

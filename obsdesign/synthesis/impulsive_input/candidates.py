@@ -16,6 +16,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.impulsive_input.requirements import (
     reason_against_jumps,
+    reason_against_noise,
     reason_against_sizes,
 )
 from obsdesign.equations.estimation_error import flow_error_matrix
@@ -97,7 +98,7 @@ def _check_plant(problem: Problem) -> None:
     plant = problem.plant
     if plant.jump is not None and (text := reason_against_jumps(plant.jump, plant.n)):
         raise DoesNotApply(text)
-    if text := reason_against_sizes(plant):
+    if text := reason_against_sizes(plant) or reason_against_noise(plant.output):
         raise InputError(text)
 
 

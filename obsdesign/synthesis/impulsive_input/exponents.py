@@ -20,6 +20,7 @@ from lmi.solvers import Solvers
 from lmi.time_budget import Remark
 from obsdesign.equations.impulsive_input.decision_rule import (
     evaluation_rule,
+    has_noise,
     reason_against_exponents,
     reason_against_margin,
 )
@@ -88,7 +89,7 @@ def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
     if text := reason_against_exponents(exponents, plant.n, plant.p, window):
         raise InputError(text)
     try:
-        rule, oldest = evaluation_rule(integral.features(exponents))
+        rule, oldest = evaluation_rule(integral.features(exponents), noisy=has_noise(plant.output))
     except OversizeError:
         raise
     except ValueError as error:

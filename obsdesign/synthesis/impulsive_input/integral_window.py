@@ -50,7 +50,7 @@ class IntegralWindow:
     @cached_property
     def output_units(self) -> Matrix | None:
         """Units of several outputs (p,), None for one."""
-        return output_units(self.problem.plant.output, self.D, self.H, self.window)
+        return output_units(self.problem.plant, self.K, self.H, self.window)
 
     def features(self, exponents: Matrix) -> FeatureWindow:
         """Return the features of a window with these exponents."""

@@ -11,20 +11,32 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Value
 from lmi.arithmetic.balls import exact, to_float
 from lmi.time_budget import UNLIMITED, TimeBudget
+from obsdesign.analysis.impulsive_input.requirements import (
+    reason_against_jumps,
+    reason_against_noise,
+    reason_against_sizes,
+)
 from obsdesign.analysis.riccati import riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.impulsive_input.decision_rule import (
+    reason_against_exponents,
+)
 from obsdesign.equations.impulsive_input.expectations import expectations
 from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import (
     IntegralGains,
     SamplesGains,
+    are_exponents,
     gains_from_document,
+    is_positive,
+    is_whole_multiple,
 )
 from obsdesign.problem.options import ImpulsiveInputOptions
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.consistency import consistent_gains
@@ -32,8 +44,8 @@ from obsdesign.verification.impulsive_input import window as window_claims
 from obsdesign.verification.impulsive_input.choices import mark_inevitable
 from obsdesign.verification.impulsive_input.rank import full_rank
 from obsdesign.verification.impulsive_input.required_gains import (
-    expected_gains,
-    reason_against_gains,
+    margin_and_window,
+    required_gains,
 )
 from obsdesign.verification.impulsive_input.robustness import robustness
 from obsdesign.verification.impulsive_input.samples import sampled_claims, window_samples
@@ -54,9 +66,9 @@ def claims(
     stored: gains as a design file states them.
     """
     agreement, gains = consistent_gains(
-        reason_against_gains(problem, stored),
+        _reason_against(problem, stored),
         stored,
-        expected_gains(problem, stored),
+        required_gains(problem, stored),
         gains_from_document,
     )
     if gains is None:
@@ -129,3 +141,58 @@ def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget)
         )
     )
     return claims
+
+
+def _reason_against(problem: Problem, stored: Entries) -> str | None:
+    """Return why the kind cannot serve the problem, or the stored gains are none; or None."""
+    plant = problem.plant
+    required = problem.reason_without("jump.H", "jump.dwell_time")
+    if text := required or problem.reason_unless_measured("continuous", "periodic"):
+        return text
+    assert plant.jump is not None
+    if text := reason_against_jumps(plant.jump, plant.n) or reason_against_sizes(plant):
+        return text
+    if text := reason_against_noise(plant.output):
+        return text
+    for name in ("window", "margin"):
+        if not is_positive(stored.get(name)):
+            return f"gains.{name} must be a positive number"
+    for name in ("state_correction", "nonnegative"):
+        if not isinstance(stored.get(name), bool):
+            return f"gains.{name} must be true or false"
+    text = None
+    if stored.get("operator") == "integral":
+        text = _reason_against_integral(plant, stored)
+    elif stored.get("operator") == "samples":
+        text = _reason_against_samples(plant, stored)
+    if text is not None:
+        return text
+    noisy = (plant.output.noise_std > 0) | (plant.output.noise_cv > 0)
+    if stored.get("weighting") == "gls" and not noisy.all():
+        return "weighting 'gls' needs noise on every output"
+    return None
+
+
+def _reason_against_integral(plant: Plant, stored: Entries) -> str | None:
+    ends = margin_and_window(stored)
+    if ends is None or not ends[0] < ends[1]:
+        return "gains.margin must be less than gains.window"
+    exponents = stored.get("exponents")
+    if not are_exponents(exponents):
+        return "gains.exponents must be distinct, finite numbers, one or more"
+    return reason_against_exponents(np.asarray(exponents), plant.n, plant.p, ends[1])
+
+
+def _reason_against_samples(plant: Plant, stored: Entries) -> str | None:
+    period = plant.output.period
+    window: Value = stored.get("window")
+    H = None if plant.jump is None else plant.jump.H
+    if plant.output.measured != "periodic" or period is None or not is_positive(period):
+        return "output.measured must be 'periodic' for operator 'samples'"
+    if not is_whole_multiple(window, period):
+        return f"gains.window must be a multiple of output.period = {period!r}; got {window!r}"
+    if stored.get("weighting") != "gls":
+        return "gains.weighting must be 'gls' for operator 'samples'"
+    if H is None or H.shape[1] != 1:
+        return "jump.H must have one column for operator 'samples'"
+    return None

@@ -6,6 +6,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import exact, fixed_vector
 from obsdesign.document import Claim, Guarantee
+from obsdesign.equations.impulsive_input.decision_rule import has_noise
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -62,8 +63,7 @@ def _main_sentence(problem: Problem, low: str, absent: str, onset: tuple[str, st
     onset: clauses on where in a window the impulse is, and on what is lost between samples.
     """
     place, between = onset
-    options, output = problem.options_as(ImpulsiveInputOptions), problem.plant.output
-    noisy = bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
+    options, noisy = problem.options_as(ImpulsiveInputOptions), has_noise(problem.plant.output)
     if (options.weighting or ("gls" if noisy else "plain")) == "gls":
         signs = "Negative weights are not looked for. " if options.nonnegative else ""
         return (

@@ -150,7 +150,7 @@ def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:
                     f"{bound!r} of the feature (where the impulse response changes sign a feature "
                     "has a zero)"
                 )
-                return refuted({"age": age, "exponent": lam, "reason": reason})
+                return refuted({"age": age, "exponent": float(lam), "reason": reason})
             return undecided(f"exponent {float(lam)!r}, near age {age:.6g}", age=age)
     return None
 

@@ -176,4 +176,14 @@ def test_a_threshold_is_a_share_of_the_peak() -> None:
     threshold = decision_rule.threshold_for(window, 2.0)  # |b| = s e^{-s}
     assert threshold == pytest.approx(2 / math.e, rel=1e-4)
     assert threshold < 2 / math.e
-    assert decision_rule.evaluation_rule(window) == ("peak", pytest.approx(3.0))
+    rule = decision_rule.evaluation_rule(window, noisy=True)
+    assert rule == ("peak", pytest.approx(3.0))
+
+
+def test_several_outputs_in_noise_have_no_peak() -> None:
+    window = features.FeatureWindow(
+        np.array([[-1.0]]), np.array([[1.0], [2.0]]), np.array([[1.0]]),
+        exponents=np.array([-1.0]), tau=3.0, margin=0.5,
+    )  # fmt: skip
+    assert decision_rule.evaluation_rule(window, noisy=False)[0] == "peak"
+    assert decision_rule.evaluation_rule(window, noisy=True)[0] == "position"

@@ -13,7 +13,7 @@ import pytest
 import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
-from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator
+from obsdesign.runtime.impulsive_input.integral.cells import CellFits
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from tests.long.random_impulses import HIDDEN, outcome
 from tests.systems.impulsive_input import CHAIN, events_of, observer_of, record, rows_from
@@ -455,13 +455,13 @@ def test_the_cell_of_an_onset_is_a_likely_one(
     shift: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever the curve of all ages says: as samples show onsets, that cell stands out."""
-    likely, cells = Evaluator._likely_cells, []
+    likely, cells = CellFits.likely, []
 
-    def kept(self: Any, window: Any, *features: Any) -> Any:
-        cells.append((window.t, likely(self, window, *features)))
+    def kept(self: Any, features: Any) -> Any:
+        cells.append((self.t, likely(self, features)))
         return cells[-1][1]
 
-    monkeypatch.setattr(Evaluator, "_likely_cells", kept)
+    monkeypatch.setattr(CellFits, "likely", kept)
     t, body = np.round(0.05 * np.arange(1001), 10), chain()
     moment = 20.0 + shift
     x = record(np.array(body["flow"]["A"]), body["jump"]["H"], [(moment, 4.0)], t, [4, 20, 60])

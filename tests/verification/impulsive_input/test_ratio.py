@@ -69,6 +69,7 @@ def test_the_ratio_is_exceeded_at_the_age_of_the_witness(seed: int) -> None:
         refusal = claim(window, share * worst)
         assert refusal.verdict == "refuted"
         witness = refusal.evidence["witness"]
+        assert {type(witness["age"]), type(witness["exponent"])} == {float}
         assert window.margin <= witness["age"] <= window.tau
         size = neglected(window, witness["exponent"], witness["age"])
         assert size > share * worst * (1 - 1e-6)

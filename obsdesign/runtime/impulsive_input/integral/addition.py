@@ -32,11 +32,11 @@ def compared(run: FreeRun, decision: Decision, window: Window, P: Matrix) -> Eve
     shown = run.impulse_error(window.t, fit.t, gains.H @ fit.weights)
     remainder = error - shown @ gains.C.T
     if spread.any():
-        unit, state = np.where(spread > 0, spread, spread.max()), gains.H @ fit.weights
+        state = gains.H @ fit.weights
         weights_std = np.zeros(gains.directions) if event.weights_std is None else event.weights_std
         moves = np.column_stack([gains.A @ state * (event.t_std or 0.0), gains.H * weights_std])
         left, whole = (
-            misfit(run, (window.t, each, unit), square_root(P), fit.t, moves)
+            misfit(run, (window.t, each, spread), square_root(P), fit.t, moves)
             for each in (remainder, error)
         )
         noise = chi_squared_limit(remainder.size)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.impulsive_input.initial import Initial
@@ -22,6 +23,7 @@ from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, smoothed
+from obsdesign.runtime.impulsive_input.integral.window_noise import WindowNoise
 from obsdesign.runtime.impulsive_input.whitening import (
     noise_deviation,
     whitened,
@@ -34,6 +36,7 @@ _AFTER_FLOOR = (
     3e-6  # and this part of what impulses before it made of it: their fitted values are added
 )
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
+_STEADY_WINDOWS = 20.0  # after which noise alone is left in the error of the state
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
 _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
@@ -147,7 +150,7 @@ class IntegralEngine:
             live = replace(live, covariance=P)
         position = None
         if gains.rule == "position":
-            position, size = self._position(window, noisy)
+            position, size = self._position(window)
             least = max(_LEAST if noisy else 0.0, _EXACT_FLOOR * size, before)
             rule = Rule(floor=0.0, sigma=0.0, share=0.0, threshold=least)
         else:
@@ -156,15 +159,28 @@ class IntegralEngine:
             rule = Rule(floor=floor, sigma=sigma, share=share, threshold=gains.threshold)
         return replace(live, scan=replace(live.scan, rule=rule, position=position))
 
-    def _position(self, window: Window, noisy: bool) -> tuple[Position, float]:
-        """The values by which position is judged, and what the output itself leaves in them."""
-        unit = window.spread if noisy else np.ones_like(window.spread)
-        T = whitened(window.taps, window.y, unit).T
-        curve = self.evaluator.curve
+    def _position(self, window: Window) -> tuple[Position, float]:
+        """The values by which position is judged, and what the output itself leaves in them.
+
+        In noise features are white, with the noise that K makes of earlier samples too.
+        """
+        T, curve = self._whitening(window), self.evaluator.curve
         b = curve.states[1:, curve.n :]
         own = T @ (window.taps.T @ window.y).T.reshape(-1)
         position = Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
         return position, float(np.linalg.norm(own))
+
+    def _whitening(self, window: Window) -> Matrix:
+        """T (r, p m) that makes features white; those of equal samples where there is no noise."""
+        spread, n = window.spread, self.run.gains.n
+        if not spread.any():
+            return whitened(window.taps, window.y, np.ones_like(spread)).T
+        steady = _STEADY_WINDOWS * self.run.tau
+        P = propagated(self.run, np.zeros((n, n)), steady, window.t, spread)
+        features, responses = (
+            whitened(window.taps, window.y, spread), self.evaluator.responses(window)
+        )  # fmt: skip
+        return WindowNoise.from_features(features, responses, square_root(P), spread).features.T
 
     def _window(self, track: Track, row: int) -> Window:
         """The window that begins at a row."""

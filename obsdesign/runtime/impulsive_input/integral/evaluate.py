@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 from obsdesign.equations.impulsive_input.deviations import square_root
@@ -22,15 +21,10 @@ from obsdesign.equations.impulsive_input.features import (
     filtered_system,
     window_taps,
 )
-from obsdesign.equations.impulsive_input.fit import (
-    Impulse,
-    explained,
-    fit_impulse,
-    left_inverse,
-    peaks,
-)
+from obsdesign.equations.impulsive_input.fit import Impulse, fit_impulse, left_inverse
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event
+from obsdesign.runtime.impulsive_input.integral.cells import CellFits
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.onsets import OnsetGrid, expected
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses, WindowNoise
@@ -146,12 +140,12 @@ class Evaluator:
         P (n, n): covariance of the error at t_o, which deviations alone count. at_start: only a
         good fit counts.
         """
-        unit = window.spread if window.spread.all() else np.ones_like(window.spread)
+        noisy, root = bool(window.spread.any()), square_root(P)
+        unit = window.spread if noisy else np.ones_like(window.spread)
         alike, responses = whitened(window.taps, window.error, unit), self.responses(window)
         impulse = self._fitted(window, responses, Weighted(R, np.eye(len(R))), alike)
         if impulse is None:
             return None
-        noisy, root = bool(window.spread.any()), square_root(P)
         if at_start:
             allowed = _MAX_MISFIT_SHARE**2 * float(R @ R)
             if noisy:
@@ -233,10 +227,8 @@ class Evaluator:
     ) -> Impulse | None:
         """The best impulse for the features.
 
-        Samples of an impulse response, joined linearly, leave other features than the response
-        itself, which matters where the output jumps with the impulse. So all onsets are fitted
-        again as samples show them. Features under the plain norm are nearly dependent; where to
-        look is clearer in those that are `alike`, without that.
+        All onsets are fitted again as samples show them (`cells`). Features under the plain norm
+        are nearly dependent; where to look is clearer in those that are `alike`, without that.
         """
         impulse = fit_impulse(
             features.R, self.curve, self.gains.margin, self.oldest,
@@ -244,55 +236,12 @@ class Evaluator:
         )  # fmt: skip
         if impulse is None:
             return None
-        onsets = responses.onsets
+        fits = CellFits(
+            run=self.run, t=window.t, features=features, onsets=responses.onsets,
+            oldest=self.oldest, nonnegative=self.nonnegative,
+        )  # fmt: skip
         likely = {int(np.searchsorted(window.t, self._time(window, impulse), "left"))}
         for each in (features,) if alike is None else (features, alike):
-            likely |= self._likely_cells(window, each, onsets)
-        fits: dict[int, Impulse] = {}
-
-        def cost_in(cell: int) -> float:
-            if cell not in fits and 1 <= cell < len(window.t):
-                there = self._in_cell(features, window, onsets[cell], cell)
-                if there is not None:
-                    fits[cell] = there
-            return fits[cell].cost if cell in fits else math.inf
-
-        cost, cell = min((cost_in(c + step), c + step) for c in sorted(likely) for step in (0, 1))
-        for step in (-1, 1):  # valleys are flat: go on while it goes down
-            while cost_in(cell + step) < cost:
-                cell += step
-                cost = fits[cell].cost
-        return replace(fits[cell], inside=impulse.inside) if cell in fits else impulse
-
-    def _likely_cells(self, window: Window, features: Weighted, onsets: Matrix) -> set[int]:
-        """Cells where an onset at the ends or in the middle explains the features best."""
-        ages = window.t[0] + self.run.tau - window.t
-        searched = (ages >= self.gains.margin) & (ages <= self.oldest)
-        cells = np.flatnonzero(searched & (np.arange(len(ages)) > 0))
-        width = float(np.median(np.diff(window.t)))
-        A, H = self.gains.A, self.gains.H
-        inside = expm(A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ H
-        likely: set[int] = set()
-        for jump in inside:
-            shown = features.T @ (onsets[cells] @ jump)
-            likely |= {int(cells[k]) for k in peaks(explained(shown, features.R, self.nonnegative))}
-        return likely
-
-    def _in_cell(
-        self, features: Weighted, window: Window, onset: Matrix, cell: int
-    ) -> Impulse | None:
-        """The best impulse with its onset between rows cell - 1 and cell.
-
-        onset (p m, n): features of unit states that appear at row `cell`.
-        """
-        t_c = float(window.t[cell])
-        width = t_c - float(window.t[cell - 1])
-        curve = ImpulseCurve.from_system(self.gains.A, self.gains.H, width, points=4, n=0)
-        # an onset at the row before would be one that this row shows already
-        impulse = fit_impulse(
-            features.R, curve, 0.0, width * (1 - 1e-6),
-            weighting=features.T @ onset, nonnegative=self.nonnegative,
-        )  # fmt: skip
-        if impulse is None:
-            return None
-        return replace(impulse, age=float(window.t[0]) + self.run.tau - t_c + impulse.age)
+            likely |= fits.likely(each)
+        best = fits.best(likely)
+        return impulse if best is None else replace(best, inside=impulse.inside)

@@ -55,6 +55,8 @@ _CLOSED_INTERVALS = 0.3  # intervals before the end of a window in which no onse
 # what a steady input must leave more than impulses do: what they must be worth against nothing
 _LEAST_ADVANTAGE = _LEAST_RATIO
 _MOST_BEFORE = 512  # rows before a window that are kept
+# of |C| |x| after an impulse: an output that shows less shows rounding
+_LEAST_SHOWN = 1e-9
 _LEAST_TAIL_SAMPLES = 2  # samples of an incomplete window at the end of a record
 
 
@@ -135,13 +137,17 @@ class SamplesEngine:
         )
 
     def _guess(self, x: Matrix, row: Row) -> Matrix:
-        """Deviations of a first guess: an impulse as large as the first measurement."""
+        """Deviations of a first guess: an impulse as large as the first measurement.
+
+        Of the weight that some output needs, if it shows impulses by more than rounding.
+        """
         count, C = 64, self.gains.C
         states = self.model.states(np.linspace(0.0, self.gains.window, count + 1))  # (k, n)
-        shown = float(np.abs(states @ C.T).max()) or 1.0
-        level = float(np.abs(row.y).max()) if row.y is not None else 1.0
-        miss = float(np.abs(row.y - C @ x).max()) if row.y is not None else 0.0
-        sizes = np.abs(states).max(axis=0) * max(level / 2, miss) / shown
+        shown = np.abs(states @ C.T).max(axis=0)
+        seeing = shown > _LEAST_SHOWN * (np.abs(states) @ np.abs(C).T).max(axis=0)
+        y = shown / 2 if row.y is None else np.maximum(np.abs(row.y) / 2, np.abs(row.y - C @ x))
+        weight = float((y[seeing] / shown[seeing]).max(initial=0.0))
+        sizes = np.abs(states).max(axis=0) * weight
         return np.asarray(np.maximum(sizes, 1e-6 * (float(sizes.max()) or 1.0)))
 
     def _appended(self, live: SampledLive, row: Row) -> SampledLive:
