@@ -165,6 +165,9 @@ class Plant:
             require_on_grid((*events, *sensors), flow.dt)
         p = sum(len(sensor.C) for sensor in sensors)
         set_fields(self, flow=flow, events=events, sensors=sensors, modes=tuple(modes), n=n, p=p)
+        for sensor in sensors:  # in discrete time a reading changes from step to step
+            if flow.dt is not None and sensor.sends_on_change is not None:
+                raise InputError(f"{sensor.entry}.sends_on_change is not available with flow.dt.")
         if modes:
             self._check_modes()
         if self.uncertain_events:

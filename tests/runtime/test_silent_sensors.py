@@ -56,6 +56,14 @@ def without_change(body: dict[str, Any]) -> dict[str, Any]:
     return plain
 
 
+def without_event() -> dict[str, Any]:
+    """A place that moves on, and the sensor of it alone."""
+    body = copy.deepcopy(SPRING)
+    del body["event"], body["sensor"][1]
+    body["flow"]["A"] = [[0, 1], [0, 0]]
+    return body
+
+
 def record(seed: int, body: dict[str, Any] = SPRING, disturbance: str = "sine") -> Simulation:
     plant, rng = Problem.from_dict({**body, "observer": {"kind": "interval"}}).plant, seed
     return simulate(
@@ -119,9 +127,7 @@ def test_silence_narrows(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_lost_sample_contradicts_until_the_sensor_is_late(kind: str) -> None:
     """The twin: what its silence would say is not true, and not used any more once it is late."""
-    body = copy.deepcopy(SPRING)
-    del body["event"], body["sensor"][1]
-    body["flow"]["A"] = [[0, 1], [0, 0]]
+    body = without_event()
     t = np.arange(0.0, 6.05, 0.1)
     lost = [Sample(float(now), [now, now + 0.2] if now == 0.0 else None) for now in t]
     bounds = {"lower": np.array([-0.1, 0.9]), "upper": np.array([0.1, 1.1])}
@@ -216,3 +222,45 @@ def test_no_row_may_be_left_out(tmp_path: Path) -> None:
             )
             with expected:
                 execute(design, str(data), f"{data}.e", [-2, 2, -2, 2], None, skip_bad=skip)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_silence_at_a_time_is_known_once_all_rows_of_it_are_there(kind: str) -> None:
+    """After an event a sensor may send in a later row of the same time."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[-0.1]]},
+        "event": [{"name": "kick", "disturbance": {"lower": [0], "upper": [4]}}],
+        "sensor": [
+            {"name": "level", "C": [[1]], "noise_bound": 0.01, "every": [0, 9],
+             "sends_on_change": 0.5},
+            {"name": "other", "C": [[1]], "noise_bound": 2.0, "every": [0, 9]},
+        ],
+    }  # fmt: skip
+    rows = [
+        Sample(0.0, [0.0, np.nan]), Sample(2.0, events=(0,), jump=True), Sample(2.0, [np.nan, 3.0]),
+        Sample(2.0, [3.0, np.nan]), Sample(3.0),
+    ]  # fmt: skip
+    observer = from_design(design_of(kind, body))
+    start = {"lower": np.array([-0.1]), "upper": np.array([0.1])}
+    listed = list(observer.run(observer.init(0.0, **start), rows))
+    assert [one.status for one in listed] == ["ok"] * 5
+    assert all(
+        one.lower[0] <= x <= one.upper[0]
+        for one, x in zip(listed[1:], (3.0, 3.0, 3.0, 3.0 * np.exp(-0.1)), strict=True)
+    )
+    assert listed[4].upper[0] - listed[4].lower[0] < 1.1  # the next time uses its silence
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_new_bounds_end_what_a_silence_said(kind: str) -> None:
+    body = without_event()
+    observer = from_design(design_of(kind, body))
+    start = {"lower": np.array([-0.1, 0.9]), "upper": np.array([0.1, 1.1])}
+    state = observer.init(0.0, **start)
+    for row in (Sample(0.0, [0.0, 0.2]), Sample(1.0), Sample(2.0)):
+        state, one = observer.step(state, row)
+    assert one.status != "ok"
+    state = observer.reset(state, lower=np.array([1.9, 0.9]), upper=np.array([2.1, 1.1]))
+    _, one = observer.step(state, Sample(2.1))
+    assert one.status == "ok"
+    assert one.lower[0] <= 2.1 <= one.upper[0]

@@ -109,7 +109,8 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
 
         Inputs and clocks are kept. ValueError as for `init`.
         """
-        return state._replace(box=self._first(lower, upper), refutation="")
+        nothing = np.full(self.gains.p, np.nan)  # what a sensor on change sent may be refuted too
+        return state._replace(box=self._first(lower, upper), sent=nothing, refutation="")
 
     def step(self, state: ClockedState, sample: Sample) -> tuple[ClockedState, Estimate]:
         """Move to the time of the sample, use its measurements, and let its events happen.
@@ -119,7 +120,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         row = self.row_of(state, sample)
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
             cut = self.flowed(state, row.t)
-            if self._silent.any:
+            if self._silent.any and row.t > state.t:  # a later row of one time may hold its sample
                 cut = self.sampled(cut, self._unsent(state, row))
             cut = self.used(cut, row.measured, row.events)
         return self.after_row(state, row, cut)

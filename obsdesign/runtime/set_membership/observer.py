@@ -121,7 +121,10 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         Inputs and the time of the last jump are kept. ValueError as for `init`.
         """
         box = self._box(lower, upper)
-        return state._replace(box=box, start=box, stages=(), refutation="", recent=())
+        nothing = np.full(self._clocks.gains.p, np.nan)  # of sensors on change
+        return state._replace(
+            box=box, start=box, stages=(), sent=nothing, refutation="", recent=()
+        )  # fmt: skip
 
     def step(
         self, state: SetMembershipState, sample: Sample
@@ -187,7 +190,9 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         tape = Tape(state.start, state.stages, state.box)
         used = self._clocks.part(y, "before") if events else y
         stages = [self._flow_stage(state, sample, t, used)]
-        if (unsent := self._clocks.unsent(state.sent, state.sampled, row)) is not None:
+        # a later row of one time may hold the sample of a sensor on change
+        unsent = self._clocks.unsent(state.sent, state.sampled, row) if t > state.t else None
+        if unsent is not None:
             stages[0] = self._with_unsent(stages[0], *unsent)
         stages += [self._jump_stage(sample, t, event) for event in events]
         if events:
