@@ -219,8 +219,7 @@ def reshaped(array: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 # rows that came, of a window or a grid: as many as there are
-ANY_NUMBER = {"state.window", "known.closed", "grid.onsets", "grid.cell", "stages.known",
-              "scan.values"}  # fmt: skip
+ANY_NUMBER = {"grid.onsets", "grid.cell", "stages.known", "scan.values"}
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -19,7 +19,7 @@ from lmi.solvers import Solvers, merged
 from lmi.time_budget import TimeBudget
 from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.analysis.discrete_error import (
-    error_growth,
+    error_maps,
     reason_against_steps,
     steps_between_events,
 )
@@ -61,9 +61,9 @@ def _candidate(
     rate = problem.options_as(LuenbergerOptions).decay_rate
     certificates, solvers = dict[str, NewEntries](), Solvers()
     for name, own in {"step_stability": 0.0, "decay_rate": rate}.items():
-        growth = error_growth(problem, gains, own)
-        if isinstance(growth, Modes) and (own or name == "step_stability"):
-            verdict = decide_modes(growth, budget=budget)
+        maps = error_maps(problem, gains, own)
+        if isinstance(maps, Modes) and (own or name == "step_stability"):
+            verdict = decide_modes(maps, budget=budget)
             certificates[name] = dict(verdict.evidence)
             solvers = merged(solvers, verdict.solvers)
     return Candidate(label, gains, certificates, searched, solvers=solvers)
