@@ -230,8 +230,8 @@ class Plant:
         return len(self.events) <= 1 and len(self.sensors) == 1 and fixed
 
     @cached_property
-    def acts_in_turns(self) -> bool:
-        """Are step, samples and events maps of their own to kind `interval`?"""
+    def needs_clock_gains(self) -> bool:
+        """Does kind `interval` have a gain for each clock: several of them, or discrete time?"""
         return not self.has_one_clock or self.flow.dt is not None
 
     @property

@@ -28,7 +28,7 @@ from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.named_clocks import Kept, NamedClocks
 from obsdesign.runtime.silent_sensors import SilentSensors
 from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, MeasuredRow, Past, StackedBox
-from obsdesign.runtime.status import with_reasons
+from obsdesign.runtime.status import status_of
 from obsdesign.runtime.time_grid import steps_between
 
 
@@ -119,8 +119,8 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         row = self.row_of(state, sample)
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
             cut = self.flowed(state, row.t)
-            if self._silent.any:
-                cut = self.sampled(cut, self._unsent(state, row))
+            if self._silent.has_senders:
+                cut = self.sampled(cut, self._silence_strip(state, row))
             cut = self.used(cut, row.measured, row.events)
         return self.after_row(state, row, cut)
 
@@ -157,9 +157,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         names = [self.gains.events[k].name for k in events]
         lower, upper = cut.box[: self.n], -cut.box[self.n :]
         listed = tuple((t, text) for text in names + reasons)
-        return following, Estimate(
-            t, None, lower, upper, events=listed, status=with_reasons("ok", reasons)
-        )
+        return following, Estimate(t, None, lower, upper, events=listed, status=status_of(reasons))
 
     @property
     def guards(self) -> tuple[DwellGuard, ...]:
@@ -226,7 +224,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
             cut = Cut(box, (*cut.faults, *faults))
         return cut
 
-    def _unsent(self, state: ClockedState, row: Row) -> Measured:
+    def _silence_strip(self, state: ClockedState, row: Row) -> Measured:
         """Readings of silent sensors that send on change, before the events of a row."""
         known = self._silent.readings(state.sent, state.sampled, row.t, row.y)
         if row.events:

@@ -24,6 +24,7 @@ from obsdesign.analysis.discrete_error import (
     steps_between_events,
 )
 from obsdesign.equations.luenberger.gains import StepGains, step_entries
+from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
@@ -86,7 +87,7 @@ def _filter_gain(problem: Problem, noise: float) -> Matrix | None:
         steps = steps_between_events(problem)[0]
         A = np.asarray((np.eye(plant.n) if G is None else G) @ np.linalg.matrix_power(A, steps))
     elif plant.output.period is not None and plant.flow.dt is not None:
-        A = np.linalg.matrix_power(A, round(plant.output.period / plant.flow.dt))
+        A = np.linalg.matrix_power(A, rounded_steps(plant.output.period, plant.flow.dt))
     sizes = BalancedPlant.from_matrices(A, C, G).sizes
     A, C = A * sizes / sizes[:, None], C * sizes
     rows = np.abs(C).max(axis=1)
