@@ -24,7 +24,7 @@ from obsdesign.data.csv_lines import cells_of, lines_of
 from obsdesign.data.layout import Layout as Layout
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
-from obsdesign.runtime.time_stamps import time_tolerance
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 
 
 def discard(text: str) -> None:

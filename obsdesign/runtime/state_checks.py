@@ -13,7 +13,7 @@ from typing import Annotated, get_type_hints
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, Value
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.state_marks import (
     MISSING,
     PAST,

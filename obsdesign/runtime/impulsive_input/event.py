@@ -9,9 +9,9 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.state_marks import Axes
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
-from obsdesign.runtime.time_stamps import time_tolerance
 
 OPEN = "unresolved"  # of a row
 MISFIT = "does not fit one impulse in the window"

@@ -36,8 +36,8 @@ from obsdesign.runtime.base import (
 from obsdesign.runtime.bounds import DeclaredBounds
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import JUMP, BoundsFault
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.columns import Batch, Columns
-from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import KernelParts, Result, largest

@@ -22,14 +22,14 @@ from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.named_clocks import Kept, NamedClocks
+from obsdesign.runtime.clocks.silent_sensors import SilentSensors
+from obsdesign.runtime.clocks.time_grid import steps_between
 from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
-from obsdesign.runtime.named_clocks import Kept, NamedClocks
-from obsdesign.runtime.silent_sensors import SilentSensors
 from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, MeasuredRow, Past, StackedBox
 from obsdesign.runtime.status import status_of
-from obsdesign.runtime.time_grid import steps_between
 
 
 class ClockedState(NamedTuple):

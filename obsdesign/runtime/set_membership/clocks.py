@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.named_clocks import Kept, NamedClocks
-from obsdesign.runtime.silent_sensors import SilentSensors
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.named_clocks import Kept, NamedClocks
+from obsdesign.runtime.clocks.silent_sensors import SilentSensors
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.status import MISSING_SAMPLE
-from obsdesign.runtime.time_stamps import time_tolerance
 
 # time, measurements and events of a row
 ClockedRow = tuple[float, Matrix | None, tuple[int, ...]]

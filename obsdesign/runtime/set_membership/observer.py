@@ -22,8 +22,9 @@ from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
-from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.named_clocks import Kept
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.named_clocks import Kept
+from obsdesign.runtime.clocks.time_grid import steps_between
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
 from obsdesign.runtime.set_membership.clocks import ClockedRow, Clocks
 from obsdesign.runtime.set_membership.model import (
@@ -38,7 +39,6 @@ from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
 from obsdesign.runtime.status import status_of
-from obsdesign.runtime.time_grid import steps_between
 
 
 class _Row(NamedTuple):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.clocks import SensorGains
-from obsdesign.runtime.time_stamps import time_tolerances
+from obsdesign.runtime.clocks.time_stamps import time_tolerances
 
 
 @dataclass(frozen=True)

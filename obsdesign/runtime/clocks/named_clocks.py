@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.clocks import EventGains, SensorGains
 from obsdesign.runtime.base import Sample, vector
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.status import MISSING_SAMPLE
-from obsdesign.runtime.time_stamps import time_tolerance
 
 # where no time between two events is stated
 _ANY = (0.0, math.inf)
