@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 
 import obsdesign
 from obsdesign.equations.gains import plant_data
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.clocks.time_stamps import time_tolerance, time_tolerances

@@ -24,8 +24,8 @@ from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.named_gains import clock_condition
 from obsdesign.problem.options import IntervalOptions
-from obsdesign.problem.output import stacked
-from obsdesign.problem.plant import Jump, Output
+from obsdesign.problem.output import Output, stacked
+from obsdesign.problem.plant import Jump
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.convex_gain import UserConstraints
