@@ -8,12 +8,12 @@ import numpy as np
 
 from lmi.arithmetic.balls import Exact
 from lmi.modes import Modes
+from obsdesign.analysis.served import require_served
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.equations.modes import ModeSpan, following_places
 from obsdesign.kinds import kind_named
 from obsdesign.problem.modes import spans_of
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.served import require_served
 
 FORMS = ("cooperative", "split")
 

@@ -7,10 +7,10 @@ from importlib import import_module
 from typing import Protocol, cast, runtime_checkable
 
 from lmi.time_budget import TimeBudget
+from obsdesign.analysis.served import require_served
 from obsdesign.errors import InputError
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.served import require_served
 from obsdesign.synthesis.candidate import Candidate
 
 # of a user: from the variables of its kind to constraints of CVXPY, which is not typed

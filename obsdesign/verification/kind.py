@@ -8,10 +8,10 @@ from typing import Protocol, cast, runtime_checkable
 from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim
 from lmi.modes import Modes
 from lmi.time_budget import UNLIMITED, TimeBudget
+from obsdesign.analysis.served import require_served
 from obsdesign.document import Claim, Guarantee
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.served import require_served
 from obsdesign.verification.state_widths import StateWidths
 
 

@@ -12,6 +12,7 @@ from lmi.decide.dwell_problem import Direction
 from lmi.decide.dwell_search import ACCURACY
 from lmi.time_budget import TimeBudget
 from obsdesign import workflow
+from obsdesign.analysis.served import require_served
 from obsdesign.errors import InputError
 from obsdesign.kinds import (
     DWELL_SEARCHES,
@@ -21,7 +22,6 @@ from obsdesign.kinds import (
     TAKING_TIME_ERRORS,
 )
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.served import require_served
 from obsdesign.studies.search.dwell_time import search_dwell_time
 from obsdesign.studies.search.period import search_period
 from obsdesign.studies.search.result import SearchResult
