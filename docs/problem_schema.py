@@ -11,9 +11,11 @@ from typing import Any
 
 from obsdesign.kinds import GAINS, KINDS, WITH_NAMED_GAINS
 from obsdesign.problem.clocks import Event, Sensor
+from obsdesign.problem.flow import Flow
 from obsdesign.problem.modes import Mode
 from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF
-from obsdesign.problem.plant import Flow, Jump, Output
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
 
 HEAD = {

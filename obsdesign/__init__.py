@@ -18,19 +18,21 @@ if TYPE_CHECKING:
     from obsdesign.design_file import load_design
     from obsdesign.document import Claim, Design
     from obsdesign.errors import InputError
-    from obsdesign.problem.plant import Flow, Jump, Output, Plant
+    from obsdesign.problem.flow import Flow
+    from obsdesign.problem.output import Output
+    from obsdesign.problem.plant import Jump, Plant
     from obsdesign.problem.problem import Problem, load_problem
     from obsdesign.workflow import NotProved, Outcome, design, investigate, verify
 
 _HOME = {
     "Claim": "document",
     "Design": "document",
-    "Flow": "problem.plant",
+    "Flow": "problem.flow",
     "InputError": "errors",
     "Jump": "problem.plant",
     "NotProved": "workflow",
     "Outcome": "workflow",
-    "Output": "problem.plant",
+    "Output": "problem.output",
     "Plant": "problem.plant",
     "Problem": "problem.problem",
     "design": "workflow",

@@ -27,7 +27,9 @@ from obsdesign.document import digest
 from obsdesign.equations.unknown_input.smoothing import smoothed
 from obsdesign.errors import InputError
 from obsdesign.input_files import MOST_BYTES
-from obsdesign.problem.plant import Flow, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.step_cache import shared_length

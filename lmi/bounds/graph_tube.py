@@ -52,6 +52,10 @@ class Least:
         values = [N @ u + k for N, k in self.maps]
         return np.array([min(entries) for entries in zip(*values, strict=True)], dtype=object)
 
+    def homogeneous(self) -> Least:
+        """The same with k = 0 in all maps."""
+        return Least(tuple((N, 0 * k) for N, k in self.maps))
+
 
 @dataclass(frozen=True)
 class Passage:

@@ -3,7 +3,7 @@
     u+ = T(u)            along an arc: stages, each the least of affine maps N u + k, N, k >= 0
 
 A node is a state of the clocks after a step, v at it a bound of u there; arcs are all that the
-clocks allow, each with the word of what happens in the step that it is.
+clocks allow, each with its kind of step.
 
 Theorem. If v > 0 and T(v at its source) < v at its target for every arc, then every u enters the
 tube v and stays, from any size. Proof: let u <= m v, m >= 1. T is monotone, and subhomogeneous, as
@@ -27,34 +27,36 @@ from lmi.verdict import Verdict, proved, undecided
 
 @dataclass(frozen=True)
 class StepGraph:
-    """words: stages of each; arcs (arcs, 3): source, word, target; n: entries of u."""
+    """Kinds of steps on a graph of nodes; n: entries of u.
 
-    words: tuple[tuple[Least, ...], ...]
+    step_maps: the stages of each kind; arcs (arcs, 3): source, kind, target.
+    """
+
+    step_maps: tuple[tuple[Least, ...], ...]
     arcs: Indices
     nodes: int
     n: int
 
     def without_inputs(self) -> StepGraph:
         """The same with k = 0 in all maps."""
-        words = tuple(
-            tuple(Least(tuple((N, 0 * k) for N, k in stage.maps)) for stage in stages)
-            for stages in self.words
+        step_maps = tuple(
+            tuple(stage.homogeneous() for stage in stages) for stages in self.step_maps
         )
-        return StepGraph(words, self.arcs, self.nodes, self.n)
+        return StepGraph(step_maps, self.arcs, self.nodes, self.n)
 
     @cached_property
     def floats(self) -> list[list[list[tuple[Matrix, Matrix]]]]:
-        """The words in floats."""
+        """The stages of each kind of step in floats."""
         return [
             [[(to_float(N), to_float(k)) for N, k in stage.maps] for stage in stages]
-            for stages in self.words
+            for stages in self.step_maps
         ]
 
     def values(self, v: Matrix) -> Matrix:
         """What every arc makes of v (nodes, n), in floats: (arcs, n)."""
         result = np.empty((len(self.arcs), self.n))
-        for word, stages in enumerate(self.floats):
-            own = self.arcs[:, 1] == word
+        for kind, stages in enumerate(self.floats):
+            own = self.arcs[:, 1] == kind
             u = v[self.arcs[own, 0]]
             for stage in stages:
                 u = np.min([u @ N.T + k for N, k in stage], axis=0)
@@ -76,13 +78,13 @@ def prove_steps(graph: StepGraph, values: Sequence[Sequence[float]]) -> Verdict:
     if not (np.isfinite(v).all() and (v > 0).all()):
         return undecided("the tube is not positive")
     exact_v, known = exact(v), dict[tuple[int, int], Exact]()
-    for source, word, target in graph.arcs.tolist():
-        if (source, word) not in known:
+    for source, kind, target in graph.arcs.tolist():
+        if (source, kind) not in known:
             u = exact_v[source]
-            for stage in graph.words[word]:
+            for stage in graph.step_maps[kind]:
                 u = stage(u)
-            known[source, word] = u
-        below = known[source, word] < exact_v[target]
+            known[source, kind] = u
+        below = known[source, kind] < exact_v[target]
         if not below.all():
             return undecided(
                 f"the tube is left by entry {int(np.argmin(below)) + 1} from node {source} to node "

@@ -22,7 +22,7 @@ _ROUNDS, _SWEEPS = 25, 2
 # rounds without a positive solution after which a graph is given up
 _MOST_UNSTABLE, _JUMP = 12, 8.0
 # rounds in which a tube is lowered, and the relative change at which it has settled
-_LOWERED, _SETTLED = 8, 1e-3
+_LOWERED, _LEAST_CHANGE = 8, 1e-3
 
 
 def proposed_tubes(
@@ -84,7 +84,7 @@ class _Search:
                 lower = self._solved(lower, chosen)
             if lower is None or not self._is_tube(lower):
                 return v
-            has_settled = float((lower / v).min()) > 1 - _SETTLED
+            has_settled = float((lower / v).min()) > 1 - _LEAST_CHANGE
             v = lower if float(np.log(lower / v).sum()) < 0 else v
             if has_settled or budget.remaining() < 0:
                 break

@@ -18,8 +18,8 @@ from lmi.time_budget import UNLIMITED, TimeBudget
 _MARGINS = (1e-11, 1e-9, 1e-6, 1e-3)
 _ROUNDS, _IMAGES = 80, 40
 _LARGEST_SYSTEM = 1500  # unknowns of an exact solution
-_SETTLED = 1e-12  # relative change at which images have settled
-_GROWN = 1e25  # beyond so many times what is added, it diverges
+_LEAST_CHANGE = 1e-12  # relative change of images below which they are a fixed point
+_LARGEST_GROWTH = 1e25  # beyond so many times what is added, it diverges
 
 
 def proposed_step_tubes(
@@ -53,7 +53,7 @@ def _fixed_point(
     for turn in range(1, _ROUNDS + 1):
         for _ in range(_IMAGES):
             before, v = v, (1 + margin) * graph.image(v) + added
-        if not np.isfinite(v).all() or (v > _GROWN * added.max()).any():
+        if not np.isfinite(v).all() or (v > _LARGEST_GROWTH * added.max()).any():
             return None
         # later solutions are for the same active maps: fewer and fewer of them
         is_due = turn & (turn - 1) == 0
@@ -61,7 +61,7 @@ def _fixed_point(
         for tube in (solved, v):
             if tube is not None and _is_fixed(graph, tube, margin, added):
                 return tube
-        if float((v / before - 1).max()) < _SETTLED or budget.remaining() < 0:
+        if float((v / before - 1).max()) < _LEAST_CHANGE or budget.remaining() < 0:
             break
     return None
 

@@ -52,19 +52,19 @@ class BalancedPlant:
     C: Matrix
 
     @classmethod
-    def from_plant(cls, plant: Plant, rate: float = 1.0) -> BalancedPlant:
-        """With its jumps, which tie states together too; rate: as in `from_matrices`."""
+    def from_plant(cls, plant: Plant, own_pace: float = 1.0) -> BalancedPlant:
+        """With its jumps, which tie states together too; own_pace: as in `from_matrices`."""
         G = None if plant.jump is None else plant.jump.G
-        return cls.from_matrices(plant.flow.A, plant.output.C, G, rate)
+        return cls.from_matrices(plant.flow.A, plant.output.C, G, own_pace)
 
     @classmethod
     def from_matrices(
-        cls, A: Matrix, C: Matrix, G: Matrix | None = None, rate: float = 1.0
+        cls, A: Matrix, C: Matrix, G: Matrix | None = None, own_pace: float = 1.0
     ) -> BalancedPlant:
-        """Rows of C are of length one; G (n, n): of jumps; rate: pace of an A without cycles."""
+        """Rows of C are of length one; G (n, n): of jumps; own_pace: of an A without cycles."""
         with np.errstate(all="ignore"):
             # no unit of x matters to this pace
-            pace = spectral_radius(np.abs(A)) or rate
+            pace = spectral_radius(np.abs(A)) or own_pace
             ties = [(A / pace, 0, 0, 0.0), (C, len(A), 0, 0.0)]
             ties += [] if G is None else [(G, 0, 0, 0.0)]
             sizes = np.exp2(_even_bits(len(A), ties))
@@ -73,7 +73,7 @@ class BalancedPlant:
                 sizes, flow = np.ones(len(A)), A
         lengths = np.linalg.norm(C * sizes, axis=1)
         rows = np.where(lengths > 0, lengths, 1.0)
-        pace = float(np.abs(flow).max(initial=0.0)) or rate
+        pace = float(np.abs(flow).max(initial=0.0)) or own_pace
         return cls(sizes, rows, pace, flow / pace, C * sizes / rows[:, None])
 
     def scaled(self, factor: float) -> BalancedPlant:

@@ -53,22 +53,26 @@ def reason_against_steps(problem: Problem) -> str | None:
     low, high = steps_between_events(problem)
     if (low if math.isinf(high) else high) > MOST_AGES or low < 1:
         entry = plant.stated("jump.dwell_time")
-        return f"{entry} must lie between 1 and {MOST_AGES} steps for kind 'luenberger'."
+        return (
+            f"{entry} must lie between 1 and {MOST_AGES} steps, or start there and end at inf, "
+            f"for kind 'luenberger'; got {list(problem.require_dwell_time())}."
+        )
     return None
 
 
 def steps_between_events(problem: Problem) -> tuple[int, float]:
-    """(fewest, most) steps between two events; the most may be infinite."""
+    """(fewest, most) steps between two events: whole numbers, or an infinite most."""
     dt = problem.plant.flow.dt
     assert dt is not None
     low, high = problem.require_dwell_time()
     return steps_of(low, dt) or 0, math.inf if math.isinf(high) else float(steps_of(high, dt) or 0)
 
 
-def error_growth(problem: Problem, gains: StepGains, rate: float = 0.0) -> Exact | Modes:
-    """The map (n, n) from one sample, or event, to the next; the graph where there are many.
+def error_maps(problem: Problem, gains: StepGains, rate: float = 0.0) -> Exact | Modes:
+    """Return the map (n, n) of the error from one sample or event to the next.
 
-    rate: growth by e^{rate dt} in every step, rounded up, is added to it.
+    Where the time between events is a range: the graph of the maps of steps and events. rate: each
+    step is multiplied by e^{rate dt}, rounded up.
     """
     unit, A = exact(np.eye(gains.n)), exact(gains.A)
     L, M, C = exact(gains.L), exact(gains.M), exact(gains.C)

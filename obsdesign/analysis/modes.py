@@ -8,12 +8,12 @@ import numpy as np
 
 from lmi.arithmetic.balls import Exact
 from lmi.modes import Modes
+from obsdesign.analysis.served import require_served
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.equations.modes import ModeSpan, following_places
 from obsdesign.kinds import kind_named
 from obsdesign.problem.modes import spans_of
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.several_clocks import require_no_modes
 
 FORMS = ("cooperative", "split")
 
@@ -24,7 +24,7 @@ def reason_against_modes(problem: Problem) -> str | None:
     DoesNotApply where the kind takes no modes.
     """
     kind, plant = problem.require_kind(), problem.plant
-    require_no_modes([mode.name for mode in plant.modes], kind)
+    require_served(plant, kind)
     if plant.output.measured != "continuous":
         return (
             f"{plant.stated('output.measured')} must be continuous with [[mode]]; got "

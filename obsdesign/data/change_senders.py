@@ -15,21 +15,21 @@ from obsdesign.problem.plant import Plant
 class ChangeSender:
     """A sensor that compares its reading with the value it sent last, at every row.
 
-    own: its outputs among all; last, at: the value and the time of its last sample.
+    own: its outputs among all; last, sent_at: the value and the time of its last sample.
     """
 
     sensor: Output
     own: slice
     last: Matrix | None = field(default=None, init=False)
-    at: float = field(default=0.0, init=False)
+    sent_at: float = field(default=0.0, init=False)
 
     def sends(self, y: Matrix, t: float, following: float) -> bool:
         """Does it send the readings y of a row at t, `following` the time of the next row?"""
         change = self.sensor.sends_on_change
         is_still = self.last is not None and bool((np.abs(y - self.last) < change).all())
-        if is_still and following - self.at <= self.sensor.gap:
+        if is_still and following - self.sent_at <= self.sensor.gap:
             return False
-        self.last, self.at = y, t
+        self.last, self.sent_at = y, t
         return True
 
 
@@ -40,7 +40,7 @@ class ChangeSenders:
     senders: tuple[ChangeSender, ...]
 
     @classmethod
-    def of(cls, plant: Plant) -> ChangeSenders:
+    def from_plant(cls, plant: Plant) -> ChangeSenders:
         """Those of a plant, before their first sample."""
         ends = np.cumsum([0, *(len(sensor.C) for sensor in plant.sensors)]).tolist()
         return cls(tuple(

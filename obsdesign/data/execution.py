@@ -22,11 +22,8 @@ from obsdesign.data.late_run import (
     provisional_lines,
     refuse_late_rows,
 )
-from obsdesign.data.records import (
-    Layout,
-    discard,
-    read_samples,
-)
+from obsdesign.data.layout import Layout
+from obsdesign.data.records import discard, read_samples
 from obsdesign.data.stream import (
     Stream,
     estimates_of,

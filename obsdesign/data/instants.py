@@ -20,7 +20,7 @@ from obsdesign.problem.output import Output
 from obsdesign.problem.plant import Plant
 
 # exponent by which an unstable mode may grow in a default simulation
-_GROWN = 6.0
+_LARGEST_EXPONENT = 6.0
 _MOST_ROWS = 1e7
 _SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one instant
 # of the longest stated times between events and samples, for which a default simulation lasts
@@ -244,8 +244,8 @@ def _settled(plant: Plant) -> float:
     slowest = float(np.abs(modes[np.abs(modes) > 1e-6 * fastest]).min())
     until = 200 * period or min(10 / slowest, 1000 / fastest)
     growth = float(modes.real.max())
-    if growth * until > _GROWN:
-        until = max(_GROWN / growth, 50 * period)
+    if growth * until > _LARGEST_EXPONENT:
+        until = max(_LARGEST_EXPONENT / growth, 50 * period)
     return float(f"{until:.2g}")
 
 

@@ -13,7 +13,7 @@ from obsdesign.document import Design
 from obsdesign.errors import InputError, naming
 from obsdesign.runtime.base import Observer
 from obsdesign.runtime.bounds import DeclaredBounds
-from obsdesign.runtime.time_grid import steps_between
+from obsdesign.runtime.clocks.time_grid import steps_between
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from obsdesign.data.arrivals import Arrivals, Remark
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.csv_lines import cells_of, lines_of
-from obsdesign.data.layout import Layout as Layout
+from obsdesign.data.layout import Layout
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
-from obsdesign.runtime.time_stamps import time_tolerance
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 
 
 def discard(text: str) -> None:

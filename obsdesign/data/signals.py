@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.problem.plant import Flow, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.plant import Plant
 
 DISTURBANCES = ("zero", "extreme", "random", "sine")
 _INPUT_CHANGES = 20  # a known input takes this many values over a record

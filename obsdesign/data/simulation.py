@@ -28,6 +28,7 @@ from obsdesign.data.instants import (
 from obsdesign.data.record_columns import record_columns
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
+from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Jump, Plant
 
@@ -150,7 +151,7 @@ def _trajectory(
     at_rows = instants.exact_events()
     leading = [0] * len(instants.times) if changes is None else changes.before(instants.times)
     following = leading if changes is None else changes.at(instants.times)
-    senders, times = ChangeSenders.of(plant), instants.times.tolist()
+    senders, times = ChangeSenders.from_plant(plant), instants.times.tolist()
     for k, t in enumerate(times):
         mode = leading[k]
         own = sources[mode] if sources else source
@@ -158,7 +159,7 @@ def _trajectory(
             x, now = _after_late(late.pop(0), own, x, k, now)
         h = t - now
         if plant.flow.dt is not None:
-            x = own.stepped(x, k, now, round(h / plant.flow.dt))
+            x = own.stepped(x, k, now, rounded_steps(h, plant.flow.dt))
         elif h > 0:
             if (mode, h) not in cache:
                 cache[mode, h] = expm(own.generator * h)[:n]

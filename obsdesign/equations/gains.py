@@ -24,8 +24,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array as Array
-from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from lmi.arithmetic.arrays import Array, Entries, NewEntries, Value
 from obsdesign.equations.plant import Plant
 
 # what a field is declared by: of the type of its annotation, as for `dataclasses.field`

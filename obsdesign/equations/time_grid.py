@@ -5,7 +5,12 @@ from __future__ import annotations
 import math
 
 # decimal times that agree to this part of their length are equal
-_EQUAL = 1e-9
+_RELATIVE_TOLERANCE = 1e-9
+
+
+def rounded_steps(time: float, dt: float) -> int:
+    """Number of steps dt in a time that is known to be one of whole steps, up to rounding."""
+    return round(time / dt)
 
 
 def steps_of(time: float, dt: float) -> int | None:
@@ -14,4 +19,4 @@ def steps_of(time: float, dt: float) -> int | None:
     if not math.isfinite(ratio):
         return None
     count = round(ratio)
-    return count if abs(time - count * dt) <= _EQUAL * max(time, dt) else None
+    return count if abs(time - count * dt) <= _RELATIVE_TOLERANCE * max(time, dt) else None

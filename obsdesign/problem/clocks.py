@@ -214,8 +214,8 @@ class Sensor(Output):
             )
         if self.report_delay:
             raise InputError(
-                f"{entry} requires a sensor without report_delay: its silence says something only "
-                f"where samples come at once; got {self.report_delay:g}."
+                f"{entry} requires a sensor without report_delay: its reading is bounded between "
+                f"two samples only where they come at once; got {self.report_delay:g}."
             )
         set_fields(self, sends_on_change=changes)
 

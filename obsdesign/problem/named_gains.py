@@ -31,7 +31,7 @@ def flattened(given: Entries, kind: str | None, plant: Plant) -> NewEntries:
     }
     for entry in named:
         _check_owner(entry, plant)
-    if plant.has_one_clock and not (kind == "interval" and plant.acts_in_turns):
+    if plant.has_one_clock and not (kind == "interval" and plant.needs_clock_gains):
         return flat | {entry.rpartition(".")[2]: value for entry, value in named.items()}
     if kind is None:
         return flat | named
@@ -40,7 +40,7 @@ def flattened(given: Entries, kind: str | None, plant: Plant) -> NewEntries:
     return named
 
 
-def words_for_turns(plant: Plant) -> str:
+def clock_condition(plant: Plant) -> str:
     """For which plants kind `interval` lets step, samples and events act by themselves."""
     return "with several clocks" if plant.flow.dt is None else "in discrete time"
 
@@ -81,7 +81,7 @@ def sized(values: Value, entry: str, plant: Plant) -> Matrix:
 def _check_owner(entry: str, plant: Plant) -> None:
     """InputError unless an entry is L of a sensor or M of an event."""
     owner, _, gain = entry.rpartition(".")
-    is_listed = plant.has_tables or plant.acts_in_turns
+    is_listed = plant.has_tables or plant.needs_clock_gains
     listed = {
         OF_EVENT: [event.name for event in plant.events if is_listed],
         OF_SENSOR: [sensor.name for sensor in plant.sensors if is_listed],
@@ -103,7 +103,7 @@ def _owned(name: str, plant: Plant) -> str:
     owners += [x.name for x in plant.events if name == OF_EVENT]
     if name not in (OF_SENSOR, OF_EVENT):
         raise InputError(
-            f"observer.gains.{name} is not available {words_for_turns(plant)}: bounds are in the "
+            f"observer.gains.{name} is not available {clock_condition(plant)}: bounds are in the "
             "plant's own coordinates, and gains are L of a sensor and M of an event."
         )
     if len(owners) != 1:

@@ -9,9 +9,10 @@ from dataclasses import fields
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
-from obsdesign.problem.flow import InputBounds
+from obsdesign.problem.flow import Flow, InputBounds
 from obsdesign.problem.modes import Mode
-from obsdesign.problem.plant import Flow, Jump, Output
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import entry_name
 
 

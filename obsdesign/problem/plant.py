@@ -28,10 +28,9 @@ from obsdesign.column_names import JUMP
 from obsdesign.entries import matrix, missing_entry, real, require_shape, size_text
 from obsdesign.errors import InputError, naming
 from obsdesign.problem.blocks import DISTURBANCE, DisturbedBlock, set_fields
-from obsdesign.problem.flow import Flow as Flow
+from obsdesign.problem.flow import Flow
 from obsdesign.problem.modes import Mode, check_modes
-from obsdesign.problem.output import IRREGULAR, every_step, stacked
-from obsdesign.problem.output import Output as Output
+from obsdesign.problem.output import IRREGULAR, Output, every_step, stacked
 from obsdesign.problem.schema import DWELL_RANGE, file_entry, ref
 from obsdesign.problem.several_clocks import require_fixed, require_one
 from obsdesign.problem.time_ranges import require_on_grid, time_range
@@ -233,8 +232,8 @@ class Plant:
         return len(self.events) <= 1 and len(self.sensors) == 1 and fixed
 
     @cached_property
-    def acts_in_turns(self) -> bool:
-        """Are step, samples and events maps of their own to kind `interval`?"""
+    def needs_clock_gains(self) -> bool:
+        """Does kind `interval` have a gain for each clock: several of them, or discrete time?"""
         return not self.has_one_clock or self.flow.dt is not None
 
     @property

@@ -22,11 +22,13 @@ from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
 from obsdesign.problem.clocks import Event, Sensor, check_clocks
 from obsdesign.problem.file import read_problem_file
+from obsdesign.problem.flow import Flow
 from obsdesign.problem.modes import Mode
 from obsdesign.problem.named_gains import nested, refuse_triggers
 from obsdesign.problem.options_base import Options
+from obsdesign.problem.output import Output
 from obsdesign.problem.plain import as_block, entries_of
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.problem.schema_errors import check_structure
 
 Blocks = Entries

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 
 from obsdesign.runtime.base import Announced, Sample
-from obsdesign.runtime.time_stamps import time_tolerance
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 
 
 def opening(stamp: float, error: float) -> float:

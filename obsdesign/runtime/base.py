@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.gains import Gains
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.columns import Batch, Columns, Event, collect
-from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.state_marks import Inputs, MeasuredRow
 
 Vector = Matrix

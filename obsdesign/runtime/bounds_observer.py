@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from obsdesign.equations.gains import Gains
 from obsdesign.runtime.base import State, Stepped
 from obsdesign.runtime.boxes import bound_names, stated_bounds
+from obsdesign.runtime.columns import axis_sizes
 
 
 class BoundsObserver(Stepped[State], ABC):
@@ -34,8 +35,7 @@ class BoundsObserver(Stepped[State], ABC):
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes of axes: n states, p outputs, m known inputs, and y of a row."""
-        p, m = int(self.reads["y"]), int(self.reads["u"])
-        return {"n": self.n, "p": p, "m": m, "y": p}
+        return axis_sizes(self.n, self.reads)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -92,6 +92,12 @@ class Batch:
 
 
 _STACKED = ("x", "lower", "upper", "d", "directions", "lagged", "d_bounds")
+
+
+def axis_sizes(n: int, reads: Mapping[str, int | bool]) -> dict[str, int]:
+    """Sizes of axes: n states, p outputs, m known inputs, and y of a row."""
+    p, m = int(reads["y"]), int(reads["u"])
+    return {"n": n, "p": p, "m": m, "y": p}
 
 
 def collect(estimates: Iterable[Estimate]) -> Batch:

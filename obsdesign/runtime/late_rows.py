@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from obsdesign.runtime.announced import first_changed, with_events_ahead
 from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.status import with_reasons
-from obsdesign.runtime.time_stamps import time_tolerance
 
 PROVISIONAL = "provisional"
 

@@ -15,11 +15,11 @@ from typing import Annotated, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from obsdesign.equations.modes import ModeGains, SwitchedGains
 from obsdesign.runtime.base import Estimate, Observer, Sample, Stepped
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.columns import Event
-from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.state_marks import Below, Past
 from obsdesign.runtime.status import with_reasons
-from obsdesign.runtime.time_stamps import time_tolerance
 
 Inner = TypeVar("Inner")
 

@@ -14,7 +14,7 @@ from obsdesign.column_names import numbered
 from obsdesign.equations.gains import Gains
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample, State, Stepped, centred_measurement, later
-from obsdesign.runtime.columns import Event
+from obsdesign.runtime.columns import Event, axis_sizes
 
 
 class Timed(Protocol):
@@ -45,8 +45,7 @@ class PointObserver(ABC, Generic[State]):
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes of axes: n states, p outputs, m known inputs, and y of a row."""
-        p, m = int(self.reads["y"]), int(self.reads["u"])
-        return {"n": self.n, "p": p, "m": m, "y": p}
+        return axis_sizes(self.n, self.reads)
 
     @property
     def names(self) -> tuple[str, ...]:

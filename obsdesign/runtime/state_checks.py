@@ -13,7 +13,7 @@ from typing import Annotated, get_type_hints
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, Value
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.state_marks import (
     MISSING,
     PAST,
@@ -89,7 +89,7 @@ class StateEntries:
     def check(self, t: float, own: Sequence[DwellGuard]) -> None:
         """Raise TypeError unless times are not after t and guards have limits like `own`."""
         if self.crossed and not self.is_refuted:
-            raise wrong(self.crossed[0], "lower bounds at most the upper ones", "others")
+            raise TypeError(f"{self.crossed[0]} must have lower <= upper; got crossed bounds.")
         for name, time in self.times:
             if not time <= t:
                 raise wrong(name, f"at most {t!r}, state.t", time)

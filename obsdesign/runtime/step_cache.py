@@ -1,7 +1,7 @@
 """Matrices of a step, built once for each length.
 
 Point estimates use the difference of two stamps as it is (`cached_step`): equal decimal steps have
-a few different ones. Bounds include the error of the length anyway (`runtime.time_stamps`), so that
+a few different ones. Bounds include the error of the length anyway (`clocks.time_stamps`), so that
 there all of them share one matrix (`shared_step`).
 """
 
@@ -12,7 +12,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import TypeVar
 
-from obsdesign.runtime.time_stamps import length_error
+from obsdesign.runtime.clocks.time_stamps import length_error
 
 K = TypeVar("K")
 T = TypeVar("T")
@@ -37,7 +37,7 @@ def shared_step(
     """Return `build(length, error)` for a step h >= 0 between stamps of at most `size`.
 
     `error` bounds the distance from `length` to the true length of every step that shares the
-    result (`obsdesign.runtime.time_stamps`); it is zero for h = 0 alone.
+    result (`obsdesign.runtime.clocks.time_stamps`); it is zero for h = 0 alone.
     """
     length, half = shared_length(h, size)
     error = half + length_error(length, size) if h else 0.0

@@ -23,7 +23,7 @@ from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
 from obsdesign.input_files import parse_json, require_depth
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.finite_time.tape import Tape
 from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.state_checks import StateEntries, check_times_of_list, wrong

@@ -22,8 +22,8 @@ from obsdesign.equations.finite_time.error_integrals import (
 from obsdesign.equations.finite_time.gains import PRINTED, FiniteTimeGains
 from obsdesign.runtime import Sample
 from obsdesign.runtime.base import centred_measurement
+from obsdesign.runtime.clocks.time_stamps import time_tolerances
 from obsdesign.runtime.finite_time.constants import WindowConstants
-from obsdesign.runtime.time_stamps import time_tolerances
 from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.verification.finite_time.evidence import DesignEvidence, TheoremEvidence
 

@@ -7,14 +7,10 @@ from importlib import import_module
 from typing import Protocol, cast, runtime_checkable
 
 from lmi.time_budget import TimeBudget
+from obsdesign.analysis.served import require_served
 from obsdesign.errors import InputError
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.several_clocks import (
-    require_continuous_time,
-    require_known_times,
-    require_no_modes,
-)
 from obsdesign.synthesis.candidate import Candidate
 
 # of a user: from the variables of its kind to constraints of CVXPY, which is not typed
@@ -52,9 +48,7 @@ def candidates_of(
     """Candidates for a problem; InputError for constraints that its kind has no gains for."""
     kind = problem.require_kind()
     has_modes = bool(problem.plant.modes)
-    require_no_modes([mode.name for mode in problem.plant.modes], kind)
-    require_continuous_time(problem.plant.flow.dt, kind)
-    require_known_times(problem.plant.uncertain_events, kind)
+    require_served(problem.plant, kind)
     synthesis = synthesis_of(kind, has_modes=has_modes)
     if has_modes and constraints is not None:
         raise InputError("constraints on gains are not available with [[mode]].")

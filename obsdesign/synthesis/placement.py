@@ -57,7 +57,7 @@ def riccati_gain(
     """
     n, p = len(A), len(C)
     if not weights:
-        plant = BalancedPlant.from_matrices(A, C, rate=pace)
+        plant = BalancedPlant.from_matrices(A, C, own_pace=pace)
         faster = 1.0 + rate / plant.pace
         one = {"state": [1.0] * n, "output": [1.0] * p}
         L = riccati_gain(plant.A / faster, plant.C, one, rate / plant.pace / faster)

@@ -1,4 +1,4 @@
-"""Time scales of a problem beside those of its flow: of jumps, samples and disturbances.
+"""Paces (1 / time scale) of jumps, samples and disturbances, beside that of the flow.
 
 A flow without cycles, such as a chain of integrators, has no pace of its own. What is chosen for it
 must not depend on the unit of time of the file.
@@ -14,16 +14,16 @@ from obsdesign.problem.problem import Problem
 
 
 def pace_without_cycles(problem: Problem, rate: float) -> float:
-    """Rate of events, else the stated decay rate, else that of inputs; 1 where there is none."""
-    return event_rate(problem) or rate or input_rate(problem) or 1.0
+    """Pace of events, else the stated decay rate, else pace of inputs; 1 where there is none."""
+    return event_pace(problem) or rate or input_pace(problem) or 1.0
 
 
 def pace_of_stays(every: tuple[float, float]) -> float:
-    """Rate at which a mode ends: of its longest stay, if finite, else of its shortest."""
+    """Pace at which a mode ends: of its longest stay, if finite, else of its shortest."""
     return 1.0 / next(stay for stay in every[::-1] if math.isfinite(stay))
 
 
-def event_rate(problem: Problem) -> float:
+def event_pace(problem: Problem) -> float:
     """Of jumps at the longest dwell time, if finite, else the shortest; else of samples; or 0."""
     plant = problem.plant
     times = problem.require_dwell_time()[::-1] if plant.jump is not None else ()
@@ -32,15 +32,15 @@ def event_rate(problem: Problem) -> float:
     return 1.0 / span
 
 
-def input_rate(problem: Problem) -> float:
-    """Rate at which disturbances alone take y out of its noise, for a flow without cycles; or 0."""
+def input_pace(problem: Problem) -> float:
+    """Pace at which disturbances alone take y out of its noise, for a flow without cycles; or 0."""
     plant, noise = problem.plant, problem.plant.outputs.noise_radius
     if noise is None:
         return 0.0
-    reached, rates = np.subtract(*plant.flow.b_bounds[::-1]), [0.0]
+    reached, paces = np.subtract(*plant.flow.b_bounds[::-1]), [0.0]
     with np.errstate(all="ignore"):
         for k in range(1, plant.n + 1):
             ratio = np.abs(plant.output.C) @ reached / noise
-            rates.append(float(ratio[np.isfinite(ratio)].max(initial=0.0)) ** (1 / k))
+            paces.append(float(ratio[np.isfinite(ratio)].max(initial=0.0)) ** (1 / k))
             reached = np.abs(plant.flow.A) @ reached
-    return max(rates)
+    return max(paces)

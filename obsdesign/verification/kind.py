@@ -8,14 +8,10 @@ from typing import Protocol, cast, runtime_checkable
 from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim
 from lmi.modes import Modes
 from lmi.time_budget import UNLIMITED, TimeBudget
+from obsdesign.analysis.served import require_served
 from obsdesign.document import Claim, Guarantee
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.several_clocks import (
-    require_continuous_time,
-    require_known_times,
-    require_no_modes,
-)
 from obsdesign.verification.state_widths import StateWidths
 
 
@@ -84,11 +80,9 @@ def dwell_verification_of(kind: str) -> DwellVerification:
 
 def verification_for(problem: Problem) -> Verification:
     """The module that proves the claims of a problem; DoesNotApply for modes of other kinds."""
-    kind, modes = problem.require_kind(), [mode.name for mode in problem.plant.modes]
-    require_no_modes(modes, kind)
-    require_continuous_time(problem.plant.flow.dt, kind)
-    require_known_times(problem.plant.uncertain_events, kind)
-    return verification_of(kind, has_modes=bool(modes))
+    kind = problem.require_kind()
+    require_served(problem.plant, kind)
+    return verification_of(kind, has_modes=bool(problem.plant.modes))
 
 
 def mode_verification_of(kind: str) -> ModeVerification:

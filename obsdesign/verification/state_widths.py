@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from obsdesign.problem.plant import Output
+from obsdesign.problem.output import Output
 
 
 @dataclass(frozen=True)

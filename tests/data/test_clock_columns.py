@@ -14,7 +14,8 @@ import obsdesign
 from obsdesign.cli.commands import cli
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.csv_text import table_text
-from obsdesign.data.records import Layout, read_samples
+from obsdesign.data.layout import Layout
+from obsdesign.data.records import read_samples
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from obsdesign.kinds import TAKING_CLOCKS

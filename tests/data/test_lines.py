@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import obsdesign
-from obsdesign.data.records import Layout, read_samples
+from obsdesign.data.layout import Layout
+from obsdesign.data.records import read_samples
 from obsdesign.errors import InputError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -14,7 +14,8 @@ import pytest
 import obsdesign
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.execution import execute
-from obsdesign.data.records import Layout, read_samples
+from obsdesign.data.layout import Layout
+from obsdesign.data.records import read_samples
 from obsdesign.data.simulation import simulate
 from obsdesign.data.stream import estimates_of
 from obsdesign.problem.problem import Problem

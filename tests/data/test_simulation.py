@@ -11,11 +11,13 @@ from scipy.integrate import solve_ivp
 
 from obsdesign.column_names import BOUNDED, JUMP, SIGNALS, TIME, numbered, pairs
 from obsdesign.data.jump_times import jump_times
-from obsdesign.data.records import Layout
+from obsdesign.data.layout import Layout
 from obsdesign.data.simulation import Simulation, simulate
 from obsdesign.equations.gains import PlantGains
 from obsdesign.errors import InputError
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 
 ROOT = Path(__file__).parents[2]
 ODE_TOLERANCE = 1e-8  # of the integrator that checks us; ours is exact to rounding

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from obsdesign.equations.gains import Array, Gains, PlantGains, count, flag, matrix, number, word
+from lmi.arithmetic.arrays import Array
+from obsdesign.equations.gains import Gains, PlantGains, count, flag, matrix, number, word
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ import obsdesign
 from obsdesign import Problem
 from obsdesign.document import Design
 from obsdesign.runtime import from_design
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 
 
 def objections(guard: DwellGuard, instants: list[float]) -> list[str | None]:

@@ -1,4 +1,4 @@
-"""Sensors that send on change: what their silence says, in both kinds that know them."""
+"""Sensors that send on change: bounds between their samples, in both kinds that know them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def design_of(kind: str, body: dict[str, Any] = SPRING) -> Design:
 
 
 def without_change(body: dict[str, Any]) -> dict[str, Any]:
-    """The same plant with sensors whose silence says nothing."""
+    """The same plant with sensors that do not send on change."""
     plain = copy.deepcopy(body)
     for sensor in plain["sensor"]:
         del sensor["sends_on_change"]

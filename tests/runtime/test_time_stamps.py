@@ -14,14 +14,16 @@ from hypothesis import strategies as st
 
 import obsdesign
 from obsdesign.equations.gains import plant_data
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.time_stamps import time_tolerance, time_tolerances
 from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 from obsdesign.runtime.step_cache import shared_length
-from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 from tests.runtime.interval.test_samples import sampled_observer
 from tests.systems.interval_runs import observer_for
 from tests.systems.time_stamps import (

@@ -11,7 +11,9 @@ from obsdesign.data.simulation import Simulation, simulate
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime.interval.observer import IntervalObserver
 
 DISTURBANCES = ("extreme", "random", "sine")

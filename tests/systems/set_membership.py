@@ -16,7 +16,9 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.set_membership.model import observer_model
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver

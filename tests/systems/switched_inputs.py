@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from obsdesign.problem.plant import Flow, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Plant
 from obsdesign.runtime import Sample, from_design
 from tests.systems.time_stamps import Tally, Truth
 

@@ -21,7 +21,9 @@ from flint import arb, arb_mat, ctx, fmpq
 import obsdesign
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.gains import plant_data
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.interval.observer import IntervalObserver

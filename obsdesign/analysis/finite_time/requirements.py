@@ -10,7 +10,8 @@ from lmi.arithmetic.arrays import Matrix, NewEntries
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
 from obsdesign.equations.gains import plant_data
 from obsdesign.problem.options import FiniteTimeOptions
-from obsdesign.problem.plant import Output, Plant
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 
 # T / nu counts as whole when it is that close to a whole number: both are decimal numbers

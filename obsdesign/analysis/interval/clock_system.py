@@ -1,4 +1,4 @@
-"""Width maps of an interval observer for several clocks, exact, and what its clocks promise.
+"""Width maps of an interval observer for several clocks, exact, and what its clocks imply.
 
 w = upper - lower: w' <= W w + f, W = Mz(A), between rows, in discrete time w+ <= |A| w + f; at an
 event w+ <= |G| w + h, or what its correction makes of it; at a sample the least of w,
@@ -93,7 +93,7 @@ class ClockSystem:
         """Is a sensor read at an event alone?"""
         return any(x.event == self.gains.events[event].name for x in self.gains.sensors)
 
-    def turn(self, sensors: Sequence[int], events: Sequence[int]) -> tuple[Least, ...]:
+    def step_stages(self, sensors: Sequence[int], events: Sequence[int]) -> tuple[Least, ...]:
         """What a step of discrete time makes of it: its map, samples, events, samples after them.
 
         sensors: those that are read on clocks of their own, in order; a gain acts at the first

@@ -17,7 +17,7 @@ from fractions import Fraction
 import numpy as np
 
 from lmi.arithmetic.balls import to_float
-from lmi.bounds.graph_tube import Graph, Least, Strategy
+from lmi.bounds.graph_tube import Graph, Strategy
 from obsdesign.analysis.interval.clock_system import ClockSystem
 from obsdesign.analysis.interval.mark_graph import MarkGraph
 from obsdesign.analysis.interval.passage_times import held, passage
@@ -85,10 +85,7 @@ def _whole(builder: MarkGraph, most: float) -> EventGraph | None:
 
 def _homogeneous(graph: Graph) -> Graph:
     """The same without inputs."""
-    events = tuple(
-        tuple(Least(tuple((N, 0 * k) for N, k in stage.maps)) for stage in stages)
-        for stages in graph.events
-    )
+    events = tuple(tuple(stage.homogeneous() for stage in stages) for stages in graph.events)
     return Graph(graph.W, 0 * graph.f, events, graph.nodes)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from obsdesign.analysis.interval.requirements import large_gain, reason_against_plant
-from obsdesign.problem.named_gains import words_for_turns
+from obsdesign.problem.named_gains import clock_condition
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -25,7 +25,7 @@ def reason_against_clocks(problem: Problem) -> str | None:
         return reason
     if plant.events and any(x.jump_measurement == "none" for x in plant.sensors):
         return "output.jump_measurement must be before or after in discrete time; got 'none'."
-    when = words_for_turns(plant)
+    when = clock_condition(plant)
     for name in options.to_document():
         if name not in _KEPT:
             return f"observer.{name} is not available for kind 'interval' {when}."

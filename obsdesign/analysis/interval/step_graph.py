@@ -53,22 +53,22 @@ def step_graph(system: ClockSystem) -> StepGraph | str:
     if nodes > MOST_NODES:
         return f"the clocks have {nodes} states between them, more than {MOST_NODES}"
     places = {ages: k for k, ages in enumerate(product(*(range(c.ages) for c in clocks)))}
-    words, arcs = dict[tuple[bool, ...], int](), list[tuple[int, int, int]]()
+    kinds, arcs = dict[tuple[bool, ...], int](), list[tuple[int, int, int]]()
     for ages, source in places.items():
         for choice in product(*(c.choices(age) for c, age in zip(clocks, ages, strict=True))):
             happens = tuple(one for one, _ in choice)
-            word = words.setdefault(happens, len(words))
-            arcs.append((source, word, places[tuple(age for _, age in choice)]))
+            kind = kinds.setdefault(happens, len(kinds))
+            arcs.append((source, kind, places[tuple(age for _, age in choice)]))
         if len(arcs) > MOST_ARCS:
             return f"the clocks allow more than {MOST_ARCS} different steps between them"
-    stages = tuple(_stages(system, happens) for happens in words)
+    stages = tuple(_stages(system, happens) for happens in kinds)
     return StepGraph(stages, np.array(arcs, dtype=np.intp), nodes, len(system.f))
 
 
 def _stages(system: ClockSystem, happens: tuple[bool, ...]) -> tuple[Least, ...]:
     count = len(system.counted)
     sensors = [k for k, one in zip(system.counted, happens[:count], strict=True) if one]
-    return system.turn(sensors, [k for k, one in enumerate(happens[count:]) if one])
+    return system.step_stages(sensors, [k for k, one in enumerate(happens[count:]) if one])
 
 
 def _clocks(system: ClockSystem) -> list[_Clock] | str:

@@ -19,6 +19,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.set_membership.pattern import Pattern, Step
+from obsdesign.equations.time_grid import rounded_steps
 
 # numbers of pieces that a step of a length may be cut into
 Pieces = Callable[[float], Sequence[int]]
@@ -156,7 +157,7 @@ class NominalMaps:
             return _jump_step(cast(gains.jump_matrix), *self._disturbance(gains.jump_disturbance))
         columns, radius = self._disturbance(gains.flow_disturbance)
         if gains.dt is not None:
-            return _counted_step(cast(gains.A), columns, radius, round(step.h / gains.dt))
+            return _counted_step(cast(gains.A), columns, radius, rounded_steps(step.h, gains.dt))
         maps = [
             _flow_step(cast(gains.A), columns, radius, step.h, pieces=count, numbers=self.numbers)
             for count in pieces(step.h)

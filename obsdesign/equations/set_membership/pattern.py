@@ -17,7 +17,7 @@ MOST_STEPS = 120
 # steps of discrete time in a stage with a disturbance of its own each; older ones share a box
 MOST_COUNTED = 32
 # relative tolerance of dwell times that are multiples of the period, as for time stamps
-_EQUAL = 1e-9
+_RELATIVE_TOLERANCE = 1e-9
 
 
 class Step(NamedTuple):
@@ -92,13 +92,13 @@ def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:
             return "the shortest dwell time is zero"
         return Pattern((Step(low, False, when == "before", False), jump))
     assert gains.period is not None
-    rows = low / gains.period * (1 - _EQUAL)
+    rows = low / gains.period * (1 - _RELATIVE_TOLERANCE)
     if rows > MOST_STEPS:
         return f"more than {MOST_STEPS} samples fall between two jumps"
     # a jump that hides the sample of its row leaves none if there is one in every row
     rows = max(math.ceil(rows), 2 if when == "none" else 1)
-    if rows * gains.period > high * (1 + _EQUAL):
-        if when == "none" and gains.period <= high * (1 + _EQUAL):
+    if rows * gains.period > high * (1 + _RELATIVE_TOLERANCE):
+        if when == "none" and gains.period <= high * (1 + _RELATIVE_TOLERANCE):
             return "every sample falls on a jump, and output.jump_measurement is none"
         return "no multiple of the period is a dwell time"
     plain = Step(gains.period, False, True, True)

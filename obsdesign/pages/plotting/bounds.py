@@ -19,7 +19,7 @@ _BEHIND, _BETWEEN, _FRONT = 1.0, 1.3, 1.6
 # bounds of another observer are shown up to so many heights of the estimate's own bounds beyond
 _MOST_BEYOND = 1.5
 # more samples than these are too close for dots
-_DOTS = 150
+_MOST_DOTS = 150
 # an axis of widths shows at least so many decades, and more than so many by powers of ten alone
 _LEAST_DECADES, _FEW_DECADES = 1.2, 2.5
 
@@ -107,7 +107,7 @@ def _draw_strip(axis: Axes, strip: Strip) -> None:
               solid_capstyle="butt")  # fmt: skip
     axis.fill_between([], [], color=_STRIP, alpha=0.5, lw=0, label="sensor strip")
     middles = (strip.lower + strip.upper) / 2
-    if 0 < np.isfinite(middles).sum() <= _DOTS:
+    if 0 < np.isfinite(middles).sum() <= _MOST_DOTS:
         axis.plot(strip.t, middles, ".", color=_STRIP, ms=4, zorder=_FRONT + 0.2, label="sample")
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from obsdesign.runtime.clocks.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.flow_maps import flow_maps
 from obsdesign.runtime.finite_time.state import FiniteTimeState
 from obsdesign.runtime.finite_time.window import emptied, flowed, sampled
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from obsdesign.equations.finite_time.formulas import difference_block
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.runtime.finite_time.flow_maps import FlowMaps
 from obsdesign.runtime.finite_time.tape import Tape, extend
-from obsdesign.runtime.state_marks import States
+from obsdesign.runtime.state_marks import Axes, States
 from obsdesign.runtime.step_cache import cached_step
 
 
@@ -39,7 +40,7 @@ class KnownInput:
     c: States
     q: States
     age: float
-    closed: Matrix
+    closed: Annotated[Matrix, Axes("2nk")]
     tape: Tape | None = None
     end: int = 0
 

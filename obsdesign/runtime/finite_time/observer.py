@@ -60,8 +60,10 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Sizes of axes: as for points, and d of the contributions of an input."""
-        return super().sizes | {"d": self.constants.driven(np.zeros(self.gains.m)).size}
+        """Sizes of axes: as for points, of the window, and d of the contributions of an input."""
+        k, n = self.constants.k, self.n
+        driven = self.constants.driven(np.zeros(self.gains.m)).size
+        return super().sizes | {"kp": k * self.constants.p, "2nk": 2 * n * k, "d": driven}
 
     @property
     def names(self) -> tuple[str, ...]:

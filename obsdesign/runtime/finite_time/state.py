@@ -8,9 +8,9 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import Tape
 from obsdesign.runtime.state_marks import (
+    MISSING,
     Axes,
     Inputs,
-    Measured,
     Past,
     Radii,
     States,
@@ -87,7 +87,7 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     x: States
     w: States
     held: HeldInput
-    window: Measured
+    window: Annotated[Matrix, MISSING, Axes("kp")]
     known: KnownInput | None
     filling: Filling
     bounds: StateBounds

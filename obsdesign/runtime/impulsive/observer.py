@@ -27,7 +27,7 @@ from lmi.arithmetic.exponential import expm, flow_integrals
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
 from obsdesign.runtime.jump import corrected_jump
 from obsdesign.runtime.point_observer import SteppedObserver

@@ -9,9 +9,9 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.state_marks import Axes
-from obsdesign.runtime.status import MISSING_SAMPLE, with_reasons
-from obsdesign.runtime.time_stamps import time_tolerance
+from obsdesign.runtime.status import MISSING_SAMPLE, status_of
 
 OPEN = "unresolved"  # of a row
 MISFIT = "does not fit one impulse in the window"
@@ -34,7 +34,7 @@ class Event:
     @property
     def status(self) -> str:
         """`ok`, or what is doubtful."""
-        return with_reasons("ok", self.doubts)
+        return status_of(self.doubts)
 
     def row(self) -> tuple[float | str, ...]:
         """The cells of an event file: t, weights, t_std, deviations of the weights, status."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.state_marks import Past
-from obsdesign.runtime.time_stamps import time_tolerance
 
 _DEVIATIONS = 3.0  # deviations by which a dwell time must be too short, a time wrong
 

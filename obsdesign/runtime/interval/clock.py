@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import Sample
+from obsdesign.runtime.clocks.time_stamps import (
+    RELATIVE_TIME_TOLERANCE,
+    time_tolerance,
+    time_tolerances,
+)
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.status import MISSING_SAMPLE
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance, time_tolerances
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,12 @@ from lmi.arithmetic.enclosure import Enclosure
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.runtime.boxes import midpoint
+from obsdesign.runtime.clocks.time_grid import power_and_sum
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.kernel_rows import Cuts, kernel
 from obsdesign.runtime.interval.maps import BoxMap, driven, identity_map
 from obsdesign.runtime.interval.model import Model, exactly, metzler_bound, size
 from obsdesign.runtime.step_cache import cached_step, shared_step
-from obsdesign.runtime.time_grid import power_and_sum
 
 
 class ClockKernels:

@@ -27,7 +27,7 @@ from obsdesign.runtime.interval.fleet_state import (
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.interval.side_by_side import FEWEST_PLANTS, Boxes, Group, groups_of
 from obsdesign.runtime.interval.state import IntervalState
-from obsdesign.runtime.status import with_reasons
+from obsdesign.runtime.status import status_of
 
 _PLANT = ("A", "B", "C", "G", "E", "flow_lower", "flow_upper", "jump_lower", "jump_upper",
           "noise_bound", "noise_centre", "jump_measurement")  # fmt: skip
@@ -243,5 +243,5 @@ def intersection(estimates: Sequence[Estimate]) -> Estimate:
     if (lower > upper).any():
         lower, upper = first.lower, first.upper
         objections.append(BoundsFault.CROSSED.value)
-    status = with_reasons("ok", list(dict.fromkeys(objections)))
+    status = status_of(list(dict.fromkeys(objections)))
     return Estimate(first.t, None, lower, upper, events=events, status=status)

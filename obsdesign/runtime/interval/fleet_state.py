@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate, Sample
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.side_by_side import Boxes, Group
 from obsdesign.runtime.interval.state import IntervalState
 

@@ -14,7 +14,7 @@ from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.modes import SwitchedGains
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.boxes import JUMP
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.modes import Entry, SwitchedObserver, SwitchedState

@@ -36,8 +36,8 @@ from obsdesign.runtime.base import (
 from obsdesign.runtime.bounds import DeclaredBounds
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import JUMP, BoundsFault
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.columns import Batch, Columns
-from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import KernelParts, Result, largest
@@ -45,7 +45,7 @@ from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
-from obsdesign.runtime.status import with_reasons
+from obsdesign.runtime.status import status_of
 
 _ONE_OUTPUT = (1,)
 
@@ -113,7 +113,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         is_usual = last.size < MODERATE and row.held is None and course is None and not refutation
         following = IntervalState(t, last.box, u, kept, guard, True, sampled, refutation, phase,
                                   is_usual, course, row.held)  # fmt: skip
-        status = with_reasons("ok", objections)
+        status = status_of(objections)
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, last.lower, last.upper, events=events, status=status)
 

@@ -22,14 +22,14 @@ from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.named_clocks import Kept, NamedClocks
+from obsdesign.runtime.clocks.silent_sensors import SilentSensors
+from obsdesign.runtime.clocks.time_grid import steps_between
 from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
-from obsdesign.runtime.named_clocks import Kept, NamedClocks
-from obsdesign.runtime.silent_sensors import SilentSensors
 from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, MeasuredRow, Past, StackedBox
-from obsdesign.runtime.status import with_reasons
-from obsdesign.runtime.time_grid import steps_between
+from obsdesign.runtime.status import status_of
 
 
 class ClockedState(NamedTuple):
@@ -120,8 +120,9 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         row = self.row_of(state, sample)
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
             cut = self.flowed(state, row.t)
-            if self._silent.any and row.t > state.t:  # a later row of one time may hold its sample
-                cut = self.sampled(cut, self._unsent(state, row))
+            # a later row of one time may hold its sample
+            if self._silent.has_senders and row.t > state.t:
+                cut = self.sampled(cut, self._silence_strip(state, row))
             cut = self.used(cut, row.measured, row.events)
         return self.after_row(state, row, cut)
 
@@ -158,9 +159,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         names = [self.gains.events[k].name for k in events]
         lower, upper = cut.box[: self.n], -cut.box[self.n :]
         listed = tuple((t, text) for text in names + reasons)
-        return following, Estimate(
-            t, None, lower, upper, events=listed, status=with_reasons("ok", reasons)
-        )
+        return following, Estimate(t, None, lower, upper, events=listed, status=status_of(reasons))
 
     @property
     def guards(self) -> tuple[DwellGuard, ...]:
@@ -227,7 +226,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
             cut = Cut(box, (*cut.faults, *faults))
         return cut
 
-    def _unsent(self, state: ClockedState, row: Row) -> Measured:
+    def _silence_strip(self, state: ClockedState, row: Row) -> Measured:
         """Readings of silent sensors that send on change, before the events of a row."""
         known = self._silent.readings(state.sent, state.sampled, row.t, row.y)
         if row.events:

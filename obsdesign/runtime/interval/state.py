@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.boxes import initial_bounds, midpoint
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.model import Model
 from obsdesign.runtime.state_marks import (
     UNBOUNDED,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.curves import Spread
 from obsdesign.runtime.interval.several_clocks import ClockedState
 from obsdesign.runtime.state_marks import Bounded

@@ -33,13 +33,13 @@ from obsdesign.runtime.base import Announced, Estimate, Sample
 from obsdesign.runtime.bounds import DeclaredBounds
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import midpoint
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.time_stamps import length_error, time_tolerance
 from obsdesign.runtime.interval.branches import Branches
 from obsdesign.runtime.interval.curves import plus, ranges
 from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver, Row
 from obsdesign.runtime.interval.uncertain_state import Known, UncertainState, Window
 from obsdesign.runtime.step_cache import shared_length, shared_step
-from obsdesign.runtime.time_stamps import length_error, time_tolerance
 
 exactly = Enclosure.exactly
 

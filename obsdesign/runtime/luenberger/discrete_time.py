@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.luenberger.gains import StepGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.time_grid import StepMaps, steps_between
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Past, States
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
-from obsdesign.runtime.time_grid import StepMaps, steps_between
-from obsdesign.runtime.time_stamps import time_tolerance
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.flow_response import Maps, responses
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.named_clocks import Kept, NamedClocks
-from obsdesign.runtime.silent_sensors import SilentSensors
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.named_clocks import Kept, NamedClocks
+from obsdesign.runtime.clocks.silent_sensors import SilentSensors
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.status import MISSING_SAMPLE
-from obsdesign.runtime.time_stamps import time_tolerance
 
 # time, measurements and events of a row
-Measurements = tuple[float, Matrix | None, tuple[int, ...]]
+ClockedRow = tuple[float, Matrix | None, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
@@ -121,17 +121,17 @@ class Clocks:
         """Values that sensors on change sent last, after a row; see `SilentSensors.sent`."""
         return self._silent.sent(before, None if y is None else y[: self.gains.p])
 
-    def unsent(
+    def silence_strip(
         self,
         sent: Matrix,
         sampled: Sequence[float],
-        row: Measurements,
+        row: ClockedRow,
     ) -> tuple[Matrix, Matrix] | None:
         """Readings of silent sensors before the events of a row, and how far each may be off.
 
         NaN where nothing is known; None where no sensor sends on change.
         """
-        if not self._silent.any:
+        if not self._silent.has_senders:
             return None
         t, y, events = row
         own = None if y is None else y[: self.gains.p]

@@ -15,8 +15,8 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, powers
 from obsdesign.equations.set_membership.pattern import MOST_COUNTED
+from obsdesign.runtime.clocks.time_grid import power_and_sum, reach
 from obsdesign.runtime.set_membership.model import Model
-from obsdesign.runtime.time_grid import power_and_sum, reach
 
 
 @dataclass(frozen=True)

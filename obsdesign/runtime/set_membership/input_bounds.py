@@ -24,7 +24,7 @@ from obsdesign.runtime.base import Estimate, Sample, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, Pair
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import initial_bounds
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.set_membership.clocks import Clocks
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.state import SetMembershipState

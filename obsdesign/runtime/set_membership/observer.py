@@ -22,10 +22,11 @@ from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
-from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.named_clocks import Kept
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.named_clocks import Kept
+from obsdesign.runtime.clocks.time_grid import steps_between
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
-from obsdesign.runtime.set_membership.clocks import Clocks, Measurements
+from obsdesign.runtime.set_membership.clocks import ClockedRow, Clocks
 from obsdesign.runtime.set_membership.model import (
     Disturbance,
     Model,
@@ -37,8 +38,7 @@ from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
-from obsdesign.runtime.status import with_reasons
-from obsdesign.runtime.time_grid import steps_between
+from obsdesign.runtime.status import status_of
 
 
 class _Row(NamedTuple):
@@ -167,7 +167,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             recent=self._bounder.kept((*recent, row.result.box)),
         )  # fmt: skip
         listed = tuple((state.t, text) for text in events + reasons)
-        return state, self._estimate(state.t, row.result, listed, with_reasons("ok", reasons))
+        return state, self._estimate(state.t, row.result, listed, status_of(reasons))
 
     def _measured(self, y: ArrayLike | None) -> Matrix | None:
         """The measurement, NaN where an output is missing; None where all are."""
@@ -181,7 +181,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         self,
         state: SetMembershipState,
         sample: Sample,
-        row: Measurements,
+        row: ClockedRow,
         *,
         in_time: bool,
     ) -> _Row:
@@ -190,10 +190,10 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         tape = Tape(state.start, state.stages, state.box)
         used = self._clocks.part(y, "before") if events else y
         stages = [self._flow_stage(state, sample, t, used)]
+        readings = self._clocks.silence_strip(state.sent, state.sampled, row)
         # a later row of one time may hold the sample of a sensor on change
-        unsent = self._clocks.unsent(state.sent, state.sampled, row) if t > state.t else None
-        if unsent is not None:
-            stages[0] = self._with_unsent(stages[0], *unsent)
+        if readings is not None and t > state.t:
+            stages[0] = self._with_silence_strip(stages[0], *readings)
         stages += [self._jump_stage(sample, t, event) for event in events]
         if events:
             strip = self._strip(sample, self._clocks.part(y, "after"))
@@ -237,7 +237,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             False,
         ).driven(table)  # fmt: skip
 
-    def _with_unsent(self, stage: Stage, known: Matrix, change: Matrix) -> Stage:
+    def _with_silence_strip(self, stage: Stage, known: Matrix, change: Matrix) -> Stage:
         """The stage before events, with strips of readings that are known to within a change."""
         bounds = self.declared_bounds.v
         lower = np.nextafter(bounds.lower - change, -np.inf)

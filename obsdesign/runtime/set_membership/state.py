@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.set_membership.stages import Stage
 from obsdesign.runtime.state_marks import ROWS, Axes, Box, Inputs, MeasuredRow, Past
 

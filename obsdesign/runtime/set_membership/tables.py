@@ -18,6 +18,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, powers, raised
+from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.runtime.set_membership.counted_steps import counted_step
 from obsdesign.runtime.set_membership.model import JumpModel, Model
 from obsdesign.runtime.set_membership.series import FlowSeries
@@ -81,7 +82,7 @@ class Tables:
         In discrete time of as many steps as there are in h, whatever the stamps.
         """
         if self._model.dt is not None:
-            count = round(h / self._model.dt)
+            count = rounded_steps(h, self._model.dt)
             with np.errstate(over="ignore", invalid="ignore"):
                 return cached_step(self._counts, count, self._counted)
         key = (h, math.frexp(size)[1])

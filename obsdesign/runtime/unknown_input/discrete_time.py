@@ -13,11 +13,11 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.column_names import numbered
 from obsdesign.equations.unknown_input.steps import StepInputGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
+from obsdesign.runtime.clocks.time_grid import StepMaps, steps_between
 from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, States
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
-from obsdesign.runtime.time_grid import StepMaps, steps_between
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from lmi.arithmetic.spectrum import spectral_radius
 from obsdesign.equations.unknown_input.formulas import DAMPING, STEP_LIMIT
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.runtime.state_marks import Axes, Outputs
-from obsdesign.runtime.status import with_reasons
+from obsdesign.runtime.status import status_of
 from obsdesign.runtime.step_cache import cached_step
 
 # time stamps must resolve a step to this part of its length
@@ -95,7 +95,7 @@ class Steps:
         if h * self._fastest > STEP_LIMIT:
             limit = STEP_LIMIT / self._fastest
             reasons.append(f"sampling time {h:.9g} above {limit:.6g} = 2/|f|")
-        return Interval(h, None, with_reasons("ok", reasons), is_resolved)
+        return Interval(h, None, status_of(reasons), is_resolved)
 
     def matrix(self, h: float) -> Matrix:
         """The matrix of a step of length h."""

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
+from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime.base import Sample
 
@@ -198,7 +199,7 @@ class _Steps:
 
     def _matrices(self, h: float) -> _Maps:
         dt = self.plant.flow.dt
-        return self._of_flow(h) if dt is None else self._of_steps(round(h / dt), dt)
+        return self._of_flow(h) if dt is None else self._of_steps(rounded_steps(h, dt), dt)
 
     def _of_steps(self, count: int, dt: float) -> _Maps:
         """Of so many steps of discrete time."""

@@ -12,6 +12,7 @@ from lmi.decide.dwell_problem import Direction
 from lmi.decide.dwell_search import ACCURACY
 from lmi.time_budget import TimeBudget
 from obsdesign import workflow
+from obsdesign.analysis.served import require_served
 from obsdesign.errors import InputError
 from obsdesign.kinds import (
     DWELL_SEARCHES,
@@ -21,7 +22,6 @@ from obsdesign.kinds import (
     TAKING_TIME_ERRORS,
 )
 from obsdesign.problem.problem import Problem
-from obsdesign.problem.several_clocks import require_continuous_time, require_no_modes
 from obsdesign.studies.search.dwell_time import search_dwell_time
 from obsdesign.studies.search.period import search_period
 from obsdesign.studies.search.result import SearchResult
@@ -98,14 +98,13 @@ def require_search(
     problem: Problem, what: str, accuracy: float = ACCURACY, of: str | None = None
 ) -> None:
     """InputError unless `search` knows this limit for a problem of this kind."""
-    kind, modes = problem.require_kind(), [mode.name for mode in problem.plant.modes]
+    kind, modes = problem.require_kind(), problem.plant.modes
     if what == LARGEST_TIME_ERROR and kind in TAKING_TIME_ERRORS:
         require_accuracy(accuracy)
         return
     if of is not None and not modes:
         raise InputError(f"--of names a mode; the plant has none; got {of!r}.")
-    require_no_modes(modes, kind)
-    require_continuous_time(problem.plant.flow.dt, kind)
+    require_served(problem.plant, kind)
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
     if problem.plant.flow.dt is not None:

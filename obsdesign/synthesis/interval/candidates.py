@@ -62,7 +62,7 @@ def synthesize_constrained(
 
     constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn.
     """
-    if problem.plant.acts_in_turns:
+    if problem.plant.needs_clock_gains:
         yield clocked_candidate(problem, constraints, budget)
         return
     if reason := reason_against_plant(problem.plant):
@@ -127,7 +127,7 @@ def _refuse_unexecutable(problem: Problem) -> None:
 def untried(problem: Problem) -> dict[str, str]:
     """Return the forms that `auto` passes over, with the reason."""
     is_stated = problem.options_as(IntervalOptions).form != "auto"
-    if is_stated or {"S2", "R"} & set(problem.gains) or problem.plant.acts_in_turns:
+    if is_stated or {"S2", "R"} & set(problem.gains) or problem.plant.needs_clock_gains:
         return {}
     why = (
         "not tried: gains.S and gains.S2 are required, and form coordinates with the same S is "

@@ -22,10 +22,10 @@ from obsdesign.analysis.interval.several_clocks import (
 )
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.errors import DoesNotApply, InputError
-from obsdesign.problem.named_gains import words_for_turns
+from obsdesign.problem.named_gains import clock_condition
 from obsdesign.problem.options import IntervalOptions
-from obsdesign.problem.output import stacked
-from obsdesign.problem.plant import Jump, Output
+from obsdesign.problem.output import Output, stacked
+from obsdesign.problem.plant import Jump
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.convex_gain import UserConstraints
@@ -43,7 +43,7 @@ def clocked_candidate(
     """The observer of a problem with several clocks; DoesNotApply where none can be built."""
     if constraints is not None:
         raise InputError(
-            f"constraints on open gains are not available {words_for_turns(problem.plant)}."
+            f"constraints on open gains are not available {clock_condition(problem.plant)}."
         )
     problem.require_noise_bound()
     if reason := reason_against_clocks(problem):

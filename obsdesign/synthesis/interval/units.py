@@ -15,7 +15,7 @@ from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.time_scale import event_rate, input_rate
+from obsdesign.synthesis.time_scale import event_pace, input_pace
 
 # caps of the gains where none is given, in multiples of the plant's own size: the width goes on
 # shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
@@ -25,8 +25,8 @@ _DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0
 def balanced_units(problem: Problem) -> BalancedPlant:
     """The plant in units in which disturbances and noise are of size one, if there are any."""
     plant = problem.plant
-    rate = event_rate(problem) or input_rate(problem) or 1.0
-    units = BalancedPlant.from_plant(plant, rate)
+    pace = event_pace(problem) or input_pace(problem) or 1.0
+    units = BalancedPlant.from_plant(plant, pace)
     inputs = [np.subtract(*plant.flow.b_bounds[::-1]) / units.sizes / units.pace]
     if plant.jump is not None:
         inputs.append(np.subtract(*plant.jump.c_bounds[::-1]) / units.sizes)
@@ -35,11 +35,11 @@ def balanced_units(problem: Problem) -> BalancedPlant:
 
 
 def pace_of_search(problem: Problem, units: BalancedPlant) -> float:
-    """Rate that gains of the flow are large against: of the plant, or of its jumps or samples.
+    """Pace that gains of the flow are large against: of the plant, or of its jumps or samples.
 
     The latter is a floor: a flow that does less than this in a dwell time hardly matters.
     """
-    return max(units.pace, event_rate(problem))
+    return max(units.pace, event_pace(problem))
 
 
 def gain_caps(

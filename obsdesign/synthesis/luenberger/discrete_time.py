@@ -19,11 +19,12 @@ from lmi.solvers import Solvers, merged
 from lmi.time_budget import TimeBudget
 from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.analysis.discrete_error import (
-    error_growth,
+    error_maps,
     reason_against_steps,
     steps_between_events,
 )
 from obsdesign.equations.luenberger.gains import StepGains, step_entries
+from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
@@ -61,9 +62,9 @@ def _candidate(
     rate = problem.options_as(LuenbergerOptions).decay_rate
     certificates, solvers = dict[str, NewEntries](), Solvers()
     for name, own in {"step_stability": 0.0, "decay_rate": rate}.items():
-        growth = error_growth(problem, gains, own)
-        if isinstance(growth, Modes) and (own or name == "step_stability"):
-            verdict = decide_modes(growth, budget=budget)
+        maps = error_maps(problem, gains, own)
+        if isinstance(maps, Modes) and (own or name == "step_stability"):
+            verdict = decide_modes(maps, budget=budget)
             certificates[name] = dict(verdict.evidence)
             solvers = merged(solvers, verdict.solvers)
     return Candidate(label, gains, certificates, searched, solvers=solvers)
@@ -86,7 +87,7 @@ def _filter_gain(problem: Problem, noise: float) -> Matrix | None:
         steps = steps_between_events(problem)[0]
         A = np.asarray((np.eye(plant.n) if G is None else G) @ np.linalg.matrix_power(A, steps))
     elif plant.output.period is not None and plant.flow.dt is not None:
-        A = np.linalg.matrix_power(A, round(plant.output.period / plant.flow.dt))
+        A = np.linalg.matrix_power(A, rounded_steps(plant.output.period, plant.flow.dt))
     sizes = BalancedPlant.from_matrices(A, C, G).sizes
     A, C = A * sizes / sizes[:, None], C * sizes
     rows = np.abs(C).max(axis=1)

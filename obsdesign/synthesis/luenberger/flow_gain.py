@@ -34,7 +34,7 @@ def nearest_gain(
     sufficient, so that there may be such an L where none is found. InputError for constraints that
     are not convex.
     """
-    units = BalancedPlant.from_matrices(plant.flow.A, plant.output.C, rate=pace)
+    units = BalancedPlant.from_matrices(plant.flow.A, plant.output.C, own_pace=pace)
     n, p = target.shape
     goal = target / units.sizes[:, None] / units.pace * units.rows
     constraints = wanted.constraints(units.sizes, units.pace)

@@ -30,7 +30,7 @@ from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.problem.gain_constraints import GainConstraints
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.convex_gain import ConvexGain, inactive_constraints, refused_constraints
-from obsdesign.synthesis.time_scale import event_rate
+from obsdesign.synthesis.time_scale import event_pace
 
 _CONDITION = 1e4
 _ROUNDS = 20
@@ -107,8 +107,8 @@ class _BalancedJumps:
         assert plant.jump is not None
         G = plant.jump.G
         output = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
-        rate = event_rate(problem) or 1.0
-        scaling = Scaling(BalancedPlant.from_plant(plant, rate).sizes)
+        pace = event_pace(problem) or 1.0
+        scaling = Scaling(BalancedPlant.from_plant(plant, pace).sizes)
         if np.isfinite(scaling.map(F)).all():
             pair = exact(scaling.map(F)), exact(scaling.map(G))
             scaling = Scaling(scaling.sizes * Scaling.from_pair(*pair, longest).sizes)

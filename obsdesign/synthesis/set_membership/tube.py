@@ -34,7 +34,7 @@ from obsdesign.synthesis.set_membership.programs import (
 
 _FLOATS = Arithmetic(np.asarray, lambda X, t: expm(X * t))
 _TURNS = 8
-_SETTLED = 1e-3  # relative change of the half widths that ends the iteration
+_LEAST_CHANGE = 1e-3  # relative change of the half widths that ends the iteration
 _LARGE = 100.0  # start of the iteration, in parts of what the disturbances add in a window
 _STARTS = 3
 _ROOM = 1e-6  # of every entry of the tube, in parts of it
@@ -174,7 +174,7 @@ class Search:
                 break
             change = np.abs(after - radii).max() / after.max()
             tube, radii = Tube(mu, after), after
-            if change < _SETTLED or not any(row.k.any() for row in rows):
+            if change < _LEAST_CHANGE or not any(row.k.any() for row in rows):
                 break
         return tube
 

@@ -81,7 +81,7 @@ def claims(
     del budget  # proofs end by their number of boxes
     if problem.plant.uncertain_events:
         return late_claims(problem, stored, certificates)
-    if problem.plant.acts_in_turns:
+    if problem.plant.needs_clock_gains:
         return clocked_claims(problem, stored, certificates)
     agreement, gains = consistent_gains(
         _reason_against(problem), stored, expected_gains(problem, stored),

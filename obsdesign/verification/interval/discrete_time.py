@@ -10,18 +10,16 @@ from lmi.verdict import Verdict, proved, undecided
 from obsdesign.analysis.interval.clock_system import ClockSystem
 from obsdesign.analysis.interval.step_graph import step_graph
 from obsdesign.document import Claim
-from obsdesign.entries import is_number
+from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
+from obsdesign.problem.plant import Plant
+from obsdesign.verification.interval.clock_claims import (
+    all_times,
+    reasons_without_tube,
+    stability_claim,
+    tube_from_evidence,
+)
 
 _SOURCE = "docs/discrete_time.md, widths; comparison with fewer samples"
-_CLOCKS = "for all times of samples that the clocks allow"
-_EVENTS = (
-    "as events go on, for all times of events and samples that the clocks allow, where a sample "
-    "stamped with the time of an event acts before it, or after it, as `sees` says"
-)
-NO_GRAPH = (
-    "No width of the bounds is guaranteed: the clocks have too many states between them to follow "
-    "them all, or an event has no shortest time."
-)
 
 
 def step_claims(system: ClockSystem, certificates: EntriesByClaim) -> tuple[Claim, ...]:
@@ -33,18 +31,17 @@ def step_claims(system: ClockSystem, certificates: EntriesByClaim) -> tuple[Clai
     graph = step_graph(system)
     if isinstance(graph, str):
         return ()
-    still, clocks = graph.without_inputs(), _EVENTS if system.gains.events else _CLOCKS
+    still = graph.without_inputs()
     return (
-        Claim.from_verdict(
-            "event_stability",
-            f"without disturbance and noise the width of the bounds tends to zero {clocks}: a "
-            "tube of the homogeneous width system on the graph of the clocks is drawn into itself",
+        stability_claim(
+            system,
             _SOURCE,
             _of_tube(system, still, certificates.get("event_stability", {}), has_width=False),
         ),
         Claim.from_verdict(
             "event_width",
-            f"the width of the bounds comes to at most `always` after any step {clocks}",
+            "asymptotically the width of the bounds is at most `always` after every step, "
+            f"{all_times(system)}",
             _SOURCE,
             _of_tube(system, graph, certificates.get("event_width", {}), has_width=True),
         ),
@@ -54,7 +51,7 @@ def step_claims(system: ClockSystem, certificates: EntriesByClaim) -> tuple[Clai
 def _of_tube(
     system: ClockSystem, graph: StepGraph, proposed: Entries, *, has_width: bool
 ) -> Verdict:
-    tube = _tube(proposed.get("tube"))
+    tube = tube_from_evidence(proposed.get("tube"))
     if tube is None:
         return undecided(reason_without_steps(system))
     verdict = prove_steps(graph, tube)
@@ -64,23 +61,9 @@ def _of_tube(
     return proved(tube=tube, **width, **verdict.evidence)
 
 
-def _tube(values: object) -> list[list[float]] | None:
-    """Rows of numbers, all equally long; None for anything else."""
-    if not isinstance(values, list) or not values:
-        return None
-    rows = [row for row in values if isinstance(row, list) and all(map(is_number, row))]
-    if len(rows) != len(values) or len({len(row) for row in rows}) != 1:
-        return None
-    return [[float(x) for x in row] for row in rows]
-
-
 def reason_without_steps(system: ClockSystem) -> str:
     """Reason why no width is proved."""
-    sentences = ["no tube was found on the graph of the clocks"]
-    sentences += [
-        f"sensor {name} may be silent for any time, and is not counted on"
-        for name in system.not_counted
-    ]
+    sentences = reasons_without_tube(system)
     blind = [f"x{i + 1}" for i in np.flatnonzero(~(system.gains.C != 0).any(axis=0))]
     if blind:
         sentences.append(
@@ -88,3 +71,12 @@ def reason_without_steps(system: ClockSystem) -> str:
             "set_membership does"
         )
     return "; ".join(sentences)
+
+
+def step_warnings(plant: Plant) -> tuple[str, ...]:
+    """A sentence with the reason where the clocks have no graph, and widths no claim."""
+    n, p = plant.n, plant.p
+    gains = {"M": np.zeros((len(plant.events), n, p))} if plant.events else {}
+    system = ClockSystem(ClockedIntervalGains.from_plant(plant, L=np.zeros((n, p)), **gains))
+    graph = step_graph(system)
+    return (f"No width of the bounds is proved: {graph}.",) if isinstance(graph, str) else ()

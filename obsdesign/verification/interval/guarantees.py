@@ -10,6 +10,7 @@ from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import constraint_sentences
+from obsdesign.verification.interval.discrete_time import step_warnings
 from obsdesign.verification.interval.late_width import late_guarantees, late_states
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.several_clocks import clocked_guarantees, clocked_states
@@ -30,7 +31,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     plant = problem.plant
     if plant.uncertain_events:
         return late_guarantees(claims)
-    if plant.acts_in_turns:
+    if plant.needs_clock_gains:
         return clocked_guarantees(problem, claims)
     verdicts = {claim.id: claim.verdict for claim in claims}
     enclosing = _present(verdicts, ("consistent", "flow_positive", "jump_positive"))
@@ -60,7 +61,11 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
 
 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
-    """A sentence on gains that are all zero."""
+    """Sentences on clocks without a graph, and on gains that are all zero."""
+    if problem.plant.flow.dt is not None:
+        verdicts = {claim.id: claim.verdict for claim in claims}
+        is_open = verdicts["consistent"] == "proved" and "event_stability" not in verdicts
+        return step_warnings(problem.plant) if is_open else ()
     if not any(claim.evidence.get("zero_gains") for claim in claims):
         return ()
     if "L" in problem.gains:
@@ -82,7 +87,7 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
     """Sensor strip and proved width of each state, of a plant with several clocks."""
     if problem.plant.uncertain_events:
         return late_states(problem, claims)
-    return clocked_states(problem, claims) if problem.plant.acts_in_turns else ()
+    return clocked_states(problem, claims) if problem.plant.needs_clock_gains else ()
 
 
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:

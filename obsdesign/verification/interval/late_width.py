@@ -51,10 +51,10 @@ def late_claims(
     name = gains.events[0].name
     width = Claim.from_verdict(
         "late_width",
-        f"as events {name} go on, the width of the bounds comes to at most `before` just before an "
-        f"event may happen, `after` once it has, and `always` at any time farther than time_error "
-        "from every stamp, for all times of events, stamps and samples that the clocks allow and "
-        "known inputs within input_bound",
+        f"asymptotically, as long as {name} happens, the width of the bounds is at most `before` "
+        "just before an event may happen, `after` once it has, and `always` at any time farther "
+        "than time_error from every stamp, for all times of events, stamps and samples that the "
+        "clocks allow and known inputs within input_bound",
         _SOURCE,
         _width(gains, certificates.get("late_width", {})),
     )
@@ -130,7 +130,7 @@ def _width_sentence(evidence: Entries) -> str:
         for name, text in words.items()
     ]
     return (
-        f"In the long run the width of the bounds comes to at most {', '.join(parts)}. While an "
+        f"Asymptotically the width of the bounds is at most {', '.join(parts)}. While an "
         "event may have happened or not, the bounds contain both."
     )
 

@@ -28,12 +28,17 @@ from obsdesign.analysis.interval.event_graph import (
 )
 from obsdesign.analysis.interval.several_clocks import reason_against_clocks, with_given
 from obsdesign.document import Claim, Guarantee
-from obsdesign.entries import is_number
 from obsdesign.equations.clocks import clock_data
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
-from obsdesign.verification.interval.discrete_time import NO_GRAPH, step_claims
+from obsdesign.verification.interval.clock_claims import (
+    all_times,
+    reasons_without_tube,
+    stability_claim,
+    tube_from_evidence,
+)
+from obsdesign.verification.interval.discrete_time import step_claims
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from obsdesign.verification.silent_sensors import with_every_sample
@@ -50,11 +55,6 @@ _MONOTONE = (
     "box that it leaves is kept only where it is narrower."
 )
 _SOURCE = "docs/interval.md, several events and sensors; comparison with fewer samples"
-_CLOCKS = "for all times of samples that the clocks allow"
-_EVENTS = (
-    "as events go on, for all times of events and samples that the clocks allow, where a sample "
-    "stamped with the time of an event acts before it, or after it, as `sees` says"
-)
 
 
 @dataclass(frozen=True)
@@ -111,20 +111,17 @@ def clocked_claims(
     )
     if gains is None:
         return (agreement,)
-    system, clocks = ClockSystem(gains), _EVENTS if gains.events else _CLOCKS
+    system = ClockSystem(gains)
     if gains.dt is not None:
         return (agreement, *step_claims(system, certificates))
-    stability = Claim.from_verdict(
-        "event_stability",
-        f"without disturbance and noise the width of the bounds tends to zero {clocks}: a "
-        "tube of the homogeneous width system on the graph of the clocks is drawn into itself",
-        _SOURCE,
-        _stability(system, certificates.get("event_stability", {})),
+    stability = stability_claim(
+        system, _SOURCE, _stability(system, certificates.get("event_stability", {}))
     )
     width = Claim.from_verdict(
         "event_width",
-        f"the width of the bounds comes to at most `always` at any time {clocks}"
-        + (", and at most `before` and `after` each event" if gains.events else ""),
+        "asymptotically the width of the bounds is at most `always` at any time"
+        + (", and at most `before` and `after` each event, " if gains.events else ", ")
+        + all_times(system),
         _SOURCE,
         proved_width(system, certificates.get("event_width", {})),
     )
@@ -184,22 +181,15 @@ def _is(verdict: Verdict) -> bool:
 
 def _certificate(proposed: Entries) -> tuple[int, list[list[float]]] | None:
     """(cells, tube) of a certificate; None where it is none."""
-    cells, tube = proposed.get("cells"), proposed.get("tube")
-    if type(cells) is not int or not 1 <= cells <= MOST_CELLS or not isinstance(tube, list):
+    cells, tube = proposed.get("cells"), tube_from_evidence(proposed.get("tube"))
+    if type(cells) is not int or not 1 <= cells <= MOST_CELLS or tube is None:
         return None
-    rows = [row for row in tube if isinstance(row, list) and all(map(is_number, row))]
-    if len(rows) != len(tube) or len({len(row) for row in rows}) != 1:
-        return None
-    return cells, [[float(x) for x in row] for row in rows]
+    return cells, tube
 
 
 def reason_without_tube(system: ClockSystem) -> str:
     """Reason why no width is proved: what the clocks leave open."""
-    sentences = ["no tube was found on the graph of the clocks"]
-    sentences += [
-        f"sensor {name} may be silent for any time, and is not counted on"
-        for name in system.not_counted
-    ]
+    sentences = reasons_without_tube(system)
     dwells = [system.dwell(k) for k in range(len(system.gains.events))]
     sentences += [
         f"event {own.name} has no shortest time above zero: any number may happen at once"
@@ -223,8 +213,7 @@ def clocked_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Gua
         for text in (_ENCLOSURE, _MONOTONE)
     ]
     if "event_stability" not in verdicts:
-        is_discrete = problem.plant.flow.dt is not None
-        return (*given, Guarantee.not_proved(NO_GRAPH)) if is_discrete else tuple(given)
+        return tuple(given)
     bounded = (
         "For all times of events and samples that the stated clocks allow, the width of the bounds "
         "stays bounded, and without disturbance and noise it tends to zero."
@@ -242,7 +231,7 @@ def _width_sentence(evidence: Entries) -> str:
     for name, before in evidence.get("before", {}).items():
         after = _listed(evidence["after"][name])
         parts.append(f"{_listed(before)} before an event {name} and {after} after it")
-    return f"In the long run the width of the bounds comes to at most {', '.join(parts)}."
+    return f"Asymptotically the width of the bounds is at most {', '.join(parts)}."
 
 
 def _listed(width: Sequence[float]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim
 from lmi.modes import Modes
 from lmi.verdict import Verdict, undecided
-from obsdesign.analysis.discrete_error import error_growth, reason_against_steps
+from obsdesign.analysis.discrete_error import error_maps, reason_against_steps
 from obsdesign.analysis.hidden_modes import hidden_part
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.estimation_error import idle_gains
@@ -52,18 +52,18 @@ def _claim(
     problem: Problem, gains: StepGains, rate: float, certificates: EntriesByClaim, paranoid: bool
 ) -> Claim:
     name = "decay_rate" if rate else STABILITY
-    growth = error_growth(problem, gains, rate)
-    verdict = _decided(growth, certificates.get(name, {}), paranoid)
+    maps = error_maps(problem, gains, rate)
+    verdict = _decided(maps, certificates.get(name, {}), paranoid)
     if rate and verdict.outcome == "refuted":  # e^(rate dt) was rounded up
         verdict = undecided(f"not proved: {verdict.reason}")
     what = f"the error times e^({rate!r} t)" if rate else "the error"
     return Claim.from_verdict(name, f"{what} tends to zero {when(problem)}", _SOURCE, verdict)
 
 
-def _decided(growth: object, certificate: Entries, paranoid: bool) -> Verdict:
-    if isinstance(growth, Modes):
-        return mode_stability(growth, certificate, paranoid)
-    cycle = np.asarray(growth)
+def _decided(maps: object, certificate: Entries, paranoid: bool) -> Verdict:
+    if isinstance(maps, Modes):
+        return mode_stability(maps, certificate, paranoid)
+    cycle = np.asarray(maps)
     verdict = dwell_stability(cycle * 0, cycle, Dwell(1.0, 1.0), {}, paranoid)
     if verdict.outcome != "refuted":
         return verdict

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from obsdesign.problem.plant import Flow, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.kernel_rows import Cuts

@@ -10,7 +10,9 @@ import pytest
 
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
-from obsdesign.problem.plant import Flow, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.interval.observer import IntervalObserver

@@ -15,7 +15,9 @@ from hypothesis import strategies as st
 
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.simulation import simulate
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.maps import BoxMap, step_maps

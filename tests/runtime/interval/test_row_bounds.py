@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Bounds, Sample
 from obsdesign.runtime.interval.observer import IntervalObserver
 from tests.systems.interval_runs import SIMULATION_ROUNDING, random_observer, random_plant

@@ -16,7 +16,9 @@ import obsdesign
 from obsdesign.data.simulation import simulate
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.columns import collect

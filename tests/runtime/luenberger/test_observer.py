@@ -8,7 +8,9 @@ from scipy.integrate import solve_ivp
 
 import obsdesign
 from obsdesign.data.simulation import simulate
-from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.flow import Flow
+from obsdesign.problem.output import Output
+from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Sample, from_design
 from tests.systems.luenberger import problem
 

@@ -84,21 +84,22 @@ def test_twins_are_not_proved() -> None:
     claims = {c.id: c for c in workflow.investigate(Problem.from_dict(given)).claims}
     assert claims["step_stability"].verdict == "refuted"
     assert "spectral radius" in claims["step_stability"].evidence["witness"]["reason"]
-    # each dwell time alone decays, not every order: two maps of which the product grows
-    gains = {"L": [[0], [0]], "M": [[0], [0]]}
-    turn = {"G": [[0, 8], [0.5, 0]], "dwell_time": [0.1, 0.2]}
-    swapped = body(
-        {"measured": "at_jumps"}, jump=turn, flow={"A": [[0.25, 0], [0, 0.9]]},
-        observer={"gains": gains},
-    )  # fmt: skip
-    outcome = workflow.investigate(Problem.from_dict(swapped))
-    F, H = np.diag([0.25, 0.9]), np.array(turn["G"])
-    radii = [np.abs(np.linalg.eigvals(H @ np.linalg.matrix_power(F, k))).max() for k in (1, 2)]
-    verdict = outcome.verdict
-    worst = max(
-        np.abs(np.linalg.eigvals(np.linalg.multi_dot([H, F, H, F @ F]))).max() ** 0.5, *radii
-    )
-    assert (verdict == "proved") == (worst < 1)
+
+
+def test_dwell_times_that_decay_alone_and_grow_in_turns_are_refuted() -> None:
+    """G A and G A^2 decay, their product grows: refuted by the cycle; half of G is proved."""
+    A, G = np.diag([0.25, 1.5]), np.array([[0, 4], [0.5, 0]])
+    maps = [G @ A, G @ A @ A]
+    assert max(np.abs(np.linalg.eigvals(own)).max() for own in maps) < 0.9
+    assert np.abs(np.linalg.eigvals(maps[0] @ maps[1])).max() > 1.1
+    for scale, verdict in ((1.0, "refuted"), (0.5, "proved")):
+        turns = body(
+            {"measured": "at_jumps"}, flow={"A": A.tolist()},
+            jump={"G": (scale * G).tolist(), "dwell_time": [0.1, 0.2]},
+            observer={"gains": {"L": [[0], [0]], "M": [[0], [0]]}},
+        )  # fmt: skip
+        claims = {c.id: c for c in workflow.investigate(Problem.from_dict(turns)).claims}
+        assert claims["step_stability"].verdict == verdict
 
 
 def test_forged_gains_are_not_confirmed() -> None:

@@ -15,6 +15,7 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.addition import compared, with_impulse
 from obsdesign.runtime.impulsive_input.integral.covariance import first_covariance, propagated
@@ -28,7 +29,6 @@ from obsdesign.runtime.impulsive_input.whitening import (
     noise_deviation,
     whitened,
 )
-from obsdesign.runtime.time_stamps import time_tolerance
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding

@@ -21,6 +21,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.gains import IntegralGains
+from obsdesign.runtime.clocks.time_stamps import time_tolerance, time_tolerances
 from obsdesign.runtime.impulsive_input.integral.recursions import (
     Run,
     accumulated,
@@ -30,7 +31,6 @@ from obsdesign.runtime.impulsive_input.integral.recursions import (
 from obsdesign.runtime.impulsive_input.plant import HeldPlant
 from obsdesign.runtime.state_marks import PAST, Axes
 from obsdesign.runtime.step_cache import cached_step
-from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from obsdesign.runtime.impulsive_input.event import (
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.live import AbsentRow, HeldInput, IntegralLive
-from obsdesign.runtime.status import status_of, with_reasons
+from obsdesign.runtime.status import status_of
 
 _BEYOND = "beyond what floats can follow: samples are too far apart for A - K C"
 
@@ -117,7 +117,7 @@ class Rows:
         rows = self.decided_rows(live, len(live.track.t), remarks=(OPEN,))
         waiting = list(self.predictions(live))[1:]
         rows += [
-            Estimate(t, x=x, status=with_reasons("ok", [*self._missing(live.first, t), OPEN]))
+            Estimate(t, x=x, status=status_of([*self._missing(live.first, t), OPEN]))
             for t, x in waiting
         ]
         return tuple(rows)
@@ -162,7 +162,7 @@ class Rows:
     ) -> Estimate:
         beyond = () if np.abs(x).max() < LARGEST else (_BEYOND,)
         reasons = (*missing, *beyond, *live.history.doubt.doubts_at(t), *remarks)
-        return Estimate(t, x=x, status=with_reasons("ok", reasons))
+        return Estimate(t, x=x, status=status_of(reasons))
 
     def _missing(self, first: float, t: float) -> tuple[str, ...]:
         return missing_sample(self.run.gains.period, first, t)

@@ -21,8 +21,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.equations.impulsive_input.decision_rule import EVALUATED_AGE_SHARE
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.state_marks import Axes
-from obsdesign.runtime.time_stamps import time_tolerance
 
 _SHARE = 0.5  # of the features that it must explain
 

@@ -26,6 +26,7 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.impulsive_input.event import (
     MISFIT,
     OPEN,
@@ -46,7 +47,6 @@ from obsdesign.runtime.impulsive_input.samples.refit import EARLIER, Refit
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady, SteadyInputs
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation
 from obsdesign.runtime.status import status_of
-from obsdesign.runtime.time_stamps import time_tolerance
 
 # twice the log-likelihood ratio from which an impulse counts, in a window of four samples; each
 # doubling of the onsets that noise may choose from adds 2 ln 2

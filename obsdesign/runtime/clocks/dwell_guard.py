@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 from obsdesign.equations.gains import PlantGains
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.state_marks import Past
-from obsdesign.runtime.time_stamps import time_tolerance
 
 
 @dataclass(frozen=True, slots=True)

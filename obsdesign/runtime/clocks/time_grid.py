@@ -9,14 +9,14 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, raised
 from obsdesign.errors import InputError
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.step_cache import cached_step
-from obsdesign.runtime.time_stamps import time_tolerance
 
 
 def steps_between(start: float, end: float, dt: float) -> int:
     """Number of steps between two stamps, start <= end; InputError unless it is whole.
 
-    Two stamps are compared with the tolerance of periods (`runtime.time_stamps`).
+    Two stamps are compared with the tolerance of periods (`runtime.clocks.time_stamps`).
     """
     h = end - start
     slack = time_tolerance(h, end)

@@ -1,4 +1,4 @@
-"""What the silence of a sensor says that sends when its reading has changed.
+"""Bounds of a reading between two samples of a sensor that sends on change.
 
 From one sample to the next its reading y = C x + v stays within `sends_on_change` of the value sent
 last, at every instant: a strip for C x, wider by this change than that of the sample. It ends where
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.clocks import SensorGains
-from obsdesign.runtime.time_stamps import time_tolerances
+from obsdesign.runtime.clocks.time_stamps import time_tolerances
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class SilentSensors:
 
         before: the same before the row; y (p,): its measurements, NaN where there is none.
         """
-        if y is None or not self.any:
+        if y is None or not self.has_senders:
             return before
-        return np.where(self._speaks(y), y, before)
+        return np.where(self._has_sample(y), y, before)
 
     def readings(
         self, sent: Matrix, sampled: Sequence[float], t: float, y: Matrix | None
@@ -46,17 +46,17 @@ class SilentSensors:
         is_in_time = apart <= self._gaps + time_tolerances(apart, np.full(len(apart), t))
         is_known = is_in_time[self._sensor] & (self.change > 0.0)
         if y is not None:
-            is_known &= ~self._speaks(y)
+            is_known &= ~self._has_sample(y)
         return np.where(is_known, sent, np.nan)
 
-    def _speaks(self, y: Matrix) -> NDArray[np.bool_]:
+    def _has_sample(self, y: Matrix) -> NDArray[np.bool_]:
         """Which outputs are of a sensor that has a sample (p,)."""
-        has_sample = np.zeros(len(self.sensors), np.bool_)
-        has_sample[self._sensor[np.isfinite(y)]] = True
-        return np.asarray(has_sample[self._sensor])
+        sampled = np.zeros(len(self.sensors), np.bool_)
+        sampled[self._sensor[np.isfinite(y)]] = True
+        return np.asarray(sampled[self._sensor])
 
     @cached_property
-    def any(self) -> bool:
+    def has_senders(self) -> bool:
         """Does any of them send on change?"""
         return bool(self.change.any())
 

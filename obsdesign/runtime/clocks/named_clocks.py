@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.clocks import EventGains, SensorGains
 from obsdesign.runtime.base import Sample, vector
-from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.status import MISSING_SAMPLE
-from obsdesign.runtime.time_stamps import time_tolerance
 
 # where no time between two events is stated
 _ANY = (0.0, math.inf)
@@ -85,7 +85,7 @@ class NamedClocks:
             following, violation = guard.after(t, k in events)
             guards.append(following)
             if violation is not None:
-                sentences.append(f"{self.events[k].name}: {violation}")
+                sentences.append(self._titled(self.events[k].name, violation))
         sentences += self._not_kept(kept, t, y, events)
         return Kept(tuple(guards), self.sampled_at(kept.sampled, t, y)), sentences
 
@@ -113,15 +113,21 @@ class NamedClocks:
         for sensor, last, own in zip(self.sensors, kept.sampled, values, strict=True):
             has_all, apart = bool(np.isfinite(own).all()), t - last
             if (sensor.gap == 0.0 or sensor.event in happened) and not has_all:
-                yield f"{sensor.name}: {MISSING_SAMPLE}"
+                yield self._titled(sensor.name, MISSING_SAMPLE)
                 continue
             over, slack = apart - sensor.gap, time_tolerance(apart, t)
             if sensor.gap > 0.0 and over > slack:
-                yield (
-                    f"{sensor.name}: time {apart:.9g} since the last sample, above {sensor.gap:.9g}"
-                )
+                late = f"time {apart:.9g} since the last sample, above {sensor.gap:.9g}"
+                yield self._titled(sensor.name, late)
             elif self.dt is not None and not has_all and over >= -slack:
-                yield f"{sensor.name}: {MISSING_SAMPLE}"  # no step is left in which it could come
+                yield self._titled(
+                    sensor.name, MISSING_SAMPLE
+                )  # no step is left in which it could come
+
+    def _titled(self, name: str, sentence: str) -> str:
+        """A sentence on an event or a sensor, with its name unless it is [jump] or [output]."""
+        is_block = name == "jump" or (name == "output" and len(self.sensors) == 1)
+        return sentence if is_block else f"{name}: {sentence}"
 
     @cached_property
     def sees(self) -> NDArray[np.str_]:
