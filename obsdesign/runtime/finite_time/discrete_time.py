@@ -22,7 +22,7 @@ from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Axes, Inputs, Past, States
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
-from obsdesign.runtime.time_grid import StepMaps, steps_between
+from obsdesign.runtime.time_grid import StepMaps, steps_between, steps_to_row
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ class StepWindowObserver(SteppedObserver[StepWindowState]):
     ) -> tuple[StepWindowState, str | None]:
         """The state at t, and what its sample does not keep of the period."""
         gains = self.gains
-        count = steps_between(state.t, t, gains.step)
+        count = steps_to_row(state.t, t, gains.step, started=state.started)
         forced = gains.flow_drift + (0.0 if gains.B is None else gains.B @ state.u)
         x, since = (self._steps(each, forced, count) for each in (state.x, state.since))
         state = replace(state, t=t, x=x, since=since)

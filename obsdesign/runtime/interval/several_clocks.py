@@ -28,8 +28,8 @@ from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.named_clocks import Kept, NamedClocks
 from obsdesign.runtime.silent_sensors import SilentSensors
 from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, MeasuredRow, Past, StackedBox
-from obsdesign.runtime.status import with_reasons
-from obsdesign.runtime.time_grid import steps_between
+from obsdesign.runtime.status import VOID_SINCE, with_reasons
+from obsdesign.runtime.time_grid import steps_to_row
 
 
 class ClockedState(NamedTuple):
@@ -149,7 +149,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         refutation = state.refutation
         reasons = [*cut.faults, *not_kept, *([refutation] if refutation else [])]
         if cut.faults and cut.faults[0] != BoundsFault.OVERFLOWED.value and not refutation:
-            refutation = f"void since time {t:.9g} ({cut.faults[0]})"
+            refutation = f"{VOID_SINCE} {t:.9g} ({cut.faults[0]})"
         following = ClockedState(
             t, cut.box, row.u, row.held, kept.guards, True, kept.sampled,
             self._silent.sent(state.sent, row.y), refutation,
@@ -199,7 +199,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
     def flowed(self, state: ClockedState, t: float) -> Cut:
         """The box after the flow up to t."""
         h, dt = t - state.t, self.gains.dt
-        count = 0 if dt is None else steps_between(state.t, t, dt)
+        count = 0 if dt is None else steps_to_row(state.t, t, dt, started=state.started)
         if h == 0.0 or (dt is not None and count == 0):
             return Cut(state.box)
         size = max(abs(t), abs(state.t))
