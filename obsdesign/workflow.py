@@ -270,7 +270,8 @@ class NotProved(Exception):
 
     def __init__(self, outcome: Outcome) -> None:
         failed = [claim for claim in outcome.claims if claim.verdict == outcome.verdict]
-        super().__init__(f"{outcome.verdict}: " + "; ".join(reason(claim) for claim in failed))
+        reasons = dict.fromkeys(reason(claim) for claim in failed)  # claims may share one
+        super().__init__(f"{outcome.verdict}: " + "; ".join(reasons))
         self.outcome = outcome
 
 

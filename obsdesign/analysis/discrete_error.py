@@ -13,17 +13,20 @@ import math
 
 import numpy as np
 
-from lmi.arithmetic.balls import Exact, exact
+from lmi.arithmetic.balls import PRECISIONS, Exact, exact, precision, rational, scalar
 from lmi.modes import Modes
 from obsdesign.equations.estimation_error import jump_error_matrix
 from obsdesign.equations.luenberger.gains import StepGains
 from obsdesign.equations.time_grid import steps_of
+from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 
 # steps between two events that a proof follows one by one
 MOST_AGES = 60
 # steps between two samples, of which a map is computed exactly
 MOST_STEPS = 400
+# exponent of the growth of a step by which a decay rate is claimed
+MOST_DECAY = 100.0
 _OPTIONS = ("decay_rate",)
 
 
@@ -35,6 +38,8 @@ def reason_against_steps(problem: Problem) -> str | None:
     for name in problem.options.to_document():
         if name not in _OPTIONS:
             return f"observer.{name} is not available with flow.dt; {', '.join(_OPTIONS)} is."
+    if reason := _reason_against_rate(problem, dt):
+        return reason
     if jump is None:
         if output.period is not None and (steps_of(output.period, dt) or 0) > MOST_STEPS:
             return (
@@ -60,6 +65,16 @@ def reason_against_steps(problem: Problem) -> str | None:
     return None
 
 
+def _reason_against_rate(problem: Problem, dt: float) -> str | None:
+    rate = problem.options_as(LuenbergerOptions).decay_rate
+    if rate * dt <= MOST_DECAY:
+        return None
+    return (
+        f"observer.decay_rate times flow.dt must be at most {MOST_DECAY:g}: e^(decay_rate dt) "
+        f"multiplies every step; got {rate:g} times {dt:g}."
+    )
+
+
 def steps_between_events(problem: Problem) -> tuple[int, float]:
     """(fewest, most) steps between two events: whole numbers, or an infinite most."""
     dt = problem.plant.flow.dt
@@ -76,7 +91,7 @@ def error_maps(problem: Problem, gains: StepGains, rate: float = 0.0) -> Exact |
     """
     unit, A = exact(np.eye(gains.n)), exact(gains.A)
     L, M, C = exact(gains.L), exact(gains.M), exact(gains.C)
-    A = A * exact(_growth(rate * gains.step))
+    A = A * exact(_growth(rate, gains.step))
     if gains.G is None:
         whole = A
         for _ in range(gains.period_steps - 1):
@@ -112,6 +127,10 @@ def _ages(step: Exact, event: Exact, low: int, high: float) -> Modes:
     return Modes.from_flows([zero] * count, [(1.0, 1.0)] * count, following, maps, names)
 
 
-def _growth(exponent: float) -> float:
-    """A float at least e^x."""
-    return math.exp(exponent) * (1.0 + 2.0**-48) if exponent else 1.0
+def _growth(rate: float, dt: float) -> float:
+    """A float at least e^(rate dt), 1 without a rate."""
+    if not rate:
+        return 1.0
+    with precision(PRECISIONS[0]):
+        power = scalar(rational(rate) * rational(dt)).exp().upper()
+        return math.nextafter(float(power), math.inf)

@@ -13,7 +13,7 @@ from obsdesign.document import Design
 from obsdesign.errors import InputError, naming
 from obsdesign.runtime.base import Observer
 from obsdesign.runtime.bounds import DeclaredBounds
-from obsdesign.runtime.clocks.time_grid import steps_between
+from obsdesign.runtime.clocks.time_grid import steps_to_row
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,8 @@ class Layout:
     bounds: declared ones that columns of a row may narrow, None where none are used; unused:
     letters of those that stay as declared. clocks: of named events and sensors, whose columns stand
     for y, w and jump; may_repeat: rows may share a time, and act in the order of the file; modes:
-    names in the column `mode`, none where the plant has none; dt: step of discrete time.
+    names in the column `mode`, none where the plant has none; dt: step of discrete time, of which
+    each has one row.
     """
 
     y: int
@@ -39,14 +40,16 @@ class Layout:
 
     def check_time(self, t: float, previous: float, where: str) -> None:
         """InputError unless a row may follow that of time `previous`, -inf for the first."""
-        if t < previous or (t == previous and not self.may_repeat):
+        may_repeat = self.may_repeat or self.dt is not None  # the latter says more of such a row
+        if t < previous or (t == previous and not may_repeat):
             raise InputError(
                 f"{where}: t must increase; got {t!r} after {previous!r}. "
                 "Are the rows sorted, without repeats?"
             )
-        if self.dt is not None and previous > -math.inf:
+        if self.dt is not None:
             with naming(where):
-                steps_between(previous, t, self.dt)
+                has_row = previous > -math.inf
+                steps_to_row(previous if has_row else t, t, self.dt, started=has_row)
 
     @staticmethod
     def from_reads(reads: Mapping[str, int]) -> Layout:
@@ -63,9 +66,10 @@ class Layout:
         layout, bounds = Layout.from_reads(observer.reads), observer.declared_bounds
         clocks = ClockColumns.from_problem(design.problem, has_events=layout.jump)
         modes = tuple(mode["name"] for mode in design.problem.get("mode", ()))
+        dt = _block(design.problem, "flow").get("dt")
         layout = replace(
-            layout, clocks=clocks, may_repeat="sensors" in design.gains, modes=modes,
-            dt=_block(design.problem, "flow").get("dt"),
+            layout, clocks=clocks, modes=modes, dt=dt,
+            may_repeat="sensors" in design.gains and dt is None,
         )  # fmt: skip
         if bounds is None:
             return layout

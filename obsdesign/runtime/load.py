@@ -114,6 +114,9 @@ def _same_plant(design: Design) -> None:
         return
     blocks = plain_blocks(design.problem)
     flow = blocks.get("flow")
+    if "sensors" in design.gains:  # which have `sees` of their own
+        _same_sees(design)
+        blocks = {**blocks, "output": {**blocks["output"], "jump_measurement": "before"}}
     blocks = {**blocks, "flow.d_bounds": flow.get("d_bounds") if isinstance(flow, dict) else None}
     for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = blocks.get(block)
@@ -129,6 +132,23 @@ def _same_plant(design: Design) -> None:
                 f"gains.{name} differs from problem.{block}.{key}; `obsdesign verify` refutes it. "
                 "Was the file put together by hand?"
             )
+
+
+def _same_sees(design: Design) -> None:
+    """InputError where a sensor sees another state at an event than the problem says."""
+    named, output = design.problem.get("sensor"), design.problem.get("output")
+    listed = named if isinstance(named, list) else [output]
+    key = "sees" if isinstance(named, list) else "jump_measurement"
+    stated = [own.get(key, "before") if isinstance(own, dict) else None for own in listed]
+    sensors = design.gains["sensors"]
+    tables = sensors if isinstance(sensors, list) else []
+    given = [own.get("sees") if isinstance(own, dict) else None for own in tables]
+    if given != stated:
+        block = "sensor.sees" if isinstance(named, list) else "output.jump_measurement"
+        raise InputError(
+            f"gains.sensors.sees differ from problem.{block}; `obsdesign verify` refutes it. Was "
+            "the file put together by hand?"
+        )
 
 
 def _same_modes(design: Design) -> None:

@@ -10,6 +10,8 @@ from lmi.arithmetic.arrays import Matrix
 
 # of a row without a sample that was due
 MISSING_SAMPLE = "missing sample"
+# how the refutation of bounds begins
+VOID_SINCE = "void since time"
 
 
 def status_of(reasons: Sequence[str], *values: Matrix) -> str:

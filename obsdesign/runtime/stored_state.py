@@ -27,6 +27,7 @@ from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.finite_time.tape import Tape
 from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.state_checks import StateEntries, check_times_of_list, wrong
+from obsdesign.runtime.status import VOID_SINCE
 
 FORMAT = "obsdesign/state"
 VERSION = 6
@@ -235,7 +236,10 @@ class _Reader:
             for one in names
         ))  # fmt: skip
         self.entries.own = around
-        self.entries.is_refuted |= bool(getattr(record, "refutation", ""))
+        refutation = getattr(record, "refutation", "")
+        if refutation and not refutation.startswith(VOID_SINCE):
+            raise wrong(f"{name}.refutation", f"empty or begin with '{VOID_SINCE}'", refutation)
+        self.entries.is_refuted |= bool(refutation)
         if isinstance(record, DwellGuard):
             self.entries.guards.append((name, record))
         return record

@@ -15,6 +15,7 @@ from obsdesign.kinds import KINDS, TAKING_DISCRETE_TIME
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search.search import search
 from obsdesign.synthesis.kind import candidates_of
+from obsdesign.verification.kind import verification_of
 from tests.systems.discrete_time import pulsed, turning, two_rates
 
 
@@ -67,11 +68,23 @@ def test_modes_and_searches_are_refused() -> None:
         search(Problem.from_dict(pulsed()), "shortest_dwell")
 
 
-def test_interval_needs_to_know_what_a_sample_at_a_jump_saw() -> None:
-    hidden = turning("interval", jump_measurement="none")
-    problem = Problem.from_dict({**hidden, "jump": {"dwell_time": [0.3, 0.5]}})
+@pytest.mark.parametrize("kind", ["interval", "set_membership"])
+@pytest.mark.parametrize("dwell_time", [[0.1, 0.1], [0.3, 0.5]])
+def test_bounds_need_to_know_what_a_sample_at_a_jump_saw(
+    kind: str, dwell_time: list[float]
+) -> None:
+    """With a jump in every step no sample sees anything: nothing is claimed of samples."""
+    hidden = {**turning(kind, jump_measurement="none"), "jump": {"dwell_time": dwell_time}}
     with pytest.raises(DoesNotApply, match="jump_measurement must be before or after"):
-        next(candidates_of(problem, UNLIMITED))
+        next(candidates_of(Problem.from_dict(hidden), UNLIMITED))
+    seen = changed(hidden, ("output", "jump_measurement"), "before")
+    gains = dict(next(candidates_of(Problem.from_dict(seen), UNLIMITED)).gains.to_document())
+    # the twin: gains of samples that are seen, for the problem in which they are hidden
+    problem = Problem.from_dict(hidden)
+    claims = verification_of(kind).claims(problem, gains, {}, paranoid=False)
+    assert [claim.verdict for claim in claims] == ["refuted"]
+    free = {key: value for key, value in hidden.items() if key != "jump"}
+    next(candidates_of(Problem.from_dict(free), UNLIMITED))
 
 
 @pytest.mark.parametrize("kind", sorted(set(KINDS) - set(TAKING_DISCRETE_TIME)))

@@ -285,6 +285,13 @@ def test_void_bounds_of_a_refuted_state_go_on(case: str) -> None:
     text = state_text(design, stream.progress)
     kept = progress_from_text(text, design, observer, "s.json")
     assert kept.state.refutation
+    for sentence in ("nan", "void", " "):
+        body = json.loads(text)
+        body["progress"][0]["refutation"] = sentence
+        with pytest.raises(InputError, match=r"refutation must be empty or begin with 'void since"):
+            progress_from_text(
+                json.dumps(body | {"digest": digest(body)}), design, observer, "s.json"
+            )
 
 
 def reversed_stages(state: Any) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
+from obsdesign.analysis.hidden_samples import reason_against_hidden_samples
 from obsdesign.analysis.interval.requirements import large_gain, reason_against_plant
 from obsdesign.problem.named_gains import clock_condition
 from obsdesign.problem.options import IntervalOptions
@@ -23,8 +24,8 @@ def reason_against_clocks(problem: Problem) -> str | None:
     reason = reason_against_plant(plant) or problem.reason_without_noise_bound()
     if reason is not None:
         return reason
-    if plant.events and any(x.jump_measurement == "none" for x in plant.sensors):
-        return "output.jump_measurement must be before or after in discrete time; got 'none'."
+    if hidden := reason_against_hidden_samples(plant):
+        return hidden
     when = clock_condition(plant)
     for name in options.to_document():
         if name not in _KEPT:

@@ -7,6 +7,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, row_echelon
 from obsdesign.analysis.hidden_modes import HiddenPart, hidden_part
+from obsdesign.analysis.hidden_samples import reason_against_hidden_samples
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.set_membership.pattern import Pattern, nominal_pattern
@@ -19,7 +20,11 @@ def reason_against(problem: Problem) -> str | None:
     """Reason for which no bounds can be given for the problem; None if they can."""
     if reason := problem.reason_without_noise_bound():
         return reason
-    return reason_against_unbounded(problem.plant, "set_membership") or _against_window(problem)
+    return (
+        reason_against_unbounded(problem.plant, "set_membership")
+        or reason_against_hidden_samples(problem.plant)
+        or _against_window(problem)
+    )
 
 
 def pattern_of(plant: Plant) -> Pattern | str:

@@ -5,6 +5,7 @@ No stated time enters the bounds: a clock that is not kept voids claims about wi
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -60,7 +61,13 @@ class NamedClocks:
             raise ValueError(
                 f"events must be places among {', '.join(names)}, from 0; got {sample.events!r}."
             )
-        return tuple(int(k) for k in sample.events)
+        places = tuple(int(k) for k in sample.events)
+        if self.dt is not None and any(b <= a for a, b in itertools.pairwise(places)):
+            raise ValueError(
+                f"events of a row must be in the order of the design in discrete time, each once; "
+                f"got {sample.events!r}."
+            )
+        return places
 
     def inputs(self, sample: Sample, event: int) -> Matrix:
         """Known inputs w of an event, which stand behind those of the events before it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 
 import numpy as np
@@ -12,12 +13,36 @@ from obsdesign.errors import InputError
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.step_cache import cached_step
 
+# part of a step that the spacing of floats at a stamp may be
+_COARSEST = 2.0**-10
+
+
+def require_fine(t: float, dt: float) -> None:
+    """InputError unless floats near a stamp are far closer to each other than a step."""
+    if math.ulp(t) > _COARSEST * dt:
+        raise InputError(f"time {t!r} is too coarse to count steps of flow.dt = {dt:g}.")
+
+
+def steps_to_row(start: float, end: float, dt: float, *, started: bool) -> int:
+    """Number of steps from the row before to a row; InputError if it is in the same step.
+
+    started: was there a row at `start`?
+    """
+    count = steps_between(start, end, dt)
+    if started and count == 0:
+        raise InputError(
+            f"time {end!r} is in the step of the row before, {start!r}: in discrete time all "
+            "samples and events of a step stand in one row."
+        )
+    return count
+
 
 def steps_between(start: float, end: float, dt: float) -> int:
     """Number of steps between two stamps, start <= end; InputError unless it is whole.
 
     Two stamps are compared with the tolerance of periods (`runtime.clocks.time_stamps`).
     """
+    require_fine(end, dt)
     h = end - start
     slack = time_tolerance(h, end)
     if not slack < dt / 4:

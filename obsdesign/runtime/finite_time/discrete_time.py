@@ -18,7 +18,7 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.finite_time.steps import StepWindowGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
-from obsdesign.runtime.clocks.time_grid import StepMaps, steps_between
+from obsdesign.runtime.clocks.time_grid import StepMaps, steps_between, steps_to_row
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Axes, Inputs, Past, States
@@ -115,7 +115,7 @@ class StepWindowObserver(SteppedObserver[StepWindowState]):
     ) -> tuple[StepWindowState, str | None]:
         """The state at t, and what its sample does not keep of the period."""
         gains = self.gains
-        count = steps_between(state.t, t, gains.step)
+        count = steps_to_row(state.t, t, gains.step, started=state.started)
         forced = gains.flow_drift + (0.0 if gains.B is None else gains.B @ state.u)
         x, since = (self._steps(each, forced, count) for each in (state.x, state.since))
         state = replace(state, t=t, x=x, since=since)

@@ -45,7 +45,7 @@ from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
-from obsdesign.runtime.status import status_of
+from obsdesign.runtime.status import VOID_SINCE, status_of
 
 _ONE_OUTPUT = (1,)
 
@@ -229,7 +229,7 @@ def _judged(
     if refutation:
         objections.append(refutation)
     elif reasons:
-        refutation = f"void since time {t:.9g} ({reasons[0]})"
+        refutation = f"{VOID_SINCE} {t:.9g} ({reasons[0]})"
     return objections, refutation
 
 

@@ -25,11 +25,11 @@ from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.clocks.named_clocks import Kept, NamedClocks
 from obsdesign.runtime.clocks.silent_sensors import SilentSensors
-from obsdesign.runtime.clocks.time_grid import steps_between
+from obsdesign.runtime.clocks.time_grid import steps_to_row
 from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, MeasuredRow, Past, StackedBox
-from obsdesign.runtime.status import status_of
+from obsdesign.runtime.status import VOID_SINCE, status_of
 
 
 class ClockedState(NamedTuple):
@@ -151,7 +151,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         refutation = state.refutation
         reasons = [*cut.faults, *not_kept, *([refutation] if refutation else [])]
         if cut.faults and cut.faults[0] != BoundsFault.OVERFLOWED.value and not refutation:
-            refutation = f"void since time {t:.9g} ({cut.faults[0]})"
+            refutation = f"{VOID_SINCE} {t:.9g} ({cut.faults[0]})"
         following = ClockedState(
             t, cut.box, row.u, row.held, kept.guards, True, kept.sampled,
             self._silent.sent(state.sent, row.y), refutation,
@@ -199,7 +199,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
     def flowed(self, state: ClockedState, t: float) -> Cut:
         """The box after the flow up to t."""
         h, dt = t - state.t, self.gains.dt
-        count = 0 if dt is None else steps_between(state.t, t, dt)
+        count = 0 if dt is None else steps_to_row(state.t, t, dt, started=state.started)
         if h == 0.0 or (dt is not None and count == 0):
             return Cut(state.box)
         size = max(abs(t), abs(state.t))

@@ -18,7 +18,7 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.luenberger.gains import StepGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
-from obsdesign.runtime.clocks.time_grid import StepMaps, steps_between
+from obsdesign.runtime.clocks.time_grid import StepMaps, steps_to_row
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
@@ -110,7 +110,9 @@ class StepObserver(SteppedObserver[StepState]):
     def _stepped(self, state: StepState, t: float) -> Matrix:
         B = self.gains.B
         forced = self.gains.flow_drift + (0.0 if B is None else B @ state.u)
-        return self._steps(state.x, forced, steps_between(state.t, t, self.gains.step))
+        return self._steps(
+            state.x, forced, steps_to_row(state.t, t, self.gains.step, started=state.started)
+        )
 
     @cached_property
     def _steps(self) -> StepMaps:

@@ -24,7 +24,7 @@ from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.clocks.named_clocks import Kept
-from obsdesign.runtime.clocks.time_grid import steps_between
+from obsdesign.runtime.clocks.time_grid import steps_to_row
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
 from obsdesign.runtime.set_membership.clocks import ClockedRow, Clocks
 from obsdesign.runtime.set_membership.model import (
@@ -38,7 +38,7 @@ from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
-from obsdesign.runtime.status import status_of
+from obsdesign.runtime.status import VOID_SINCE, status_of
 
 
 class _Row(NamedTuple):
@@ -160,7 +160,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         if refutation:
             reasons.append(refutation)
         elif row.fault is not None:
-            refutation = f"void since time {state.t:.9g} ({row.fault})"
+            refutation = f"{VOID_SINCE} {state.t:.9g} ({row.fault})"
         recent = () if row.fault is not None else state.recent
         state = state._replace(
             box=row.tape.box, start=row.tape.start, stages=row.tape.stages, refutation=refutation,
@@ -229,7 +229,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     ) -> Stage:
         h, size = t - state.t, max(abs(t), abs(state.t))
         if self.gains.dt is not None:
-            steps_between(state.t, t, self.gains.dt)  # refuses a time between two steps
+            # refuses a time between two steps
+            steps_to_row(state.t, t, self.gains.dt, started=state.started)
         table = self._tables.for_step(h, size)
         known, radius = self._disturbed(self._model.flow, state.u, state.held)
         return Stage(

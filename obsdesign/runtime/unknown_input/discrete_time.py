@@ -13,7 +13,7 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.column_names import numbered
 from obsdesign.equations.unknown_input.steps import StepInputGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
-from obsdesign.runtime.clocks.time_grid import StepMaps, steps_between
+from obsdesign.runtime.clocks.time_grid import StepMaps, steps_to_row
 from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, States
@@ -68,7 +68,7 @@ class StepInputObserver(SteppedObserver[StepInputState]):
         if sample.jump:
             raise no_jumps()
         gains = self.gains
-        count, reasons = steps_between(state.t, t, gains.step), list[str]()
+        count, reasons = steps_to_row(state.t, t, gains.step, started=state.started), list[str]()
         forced = gains.flow_drift + (0.0 if gains.B is None else gains.B @ state.u)
         x = self._steps(state.x, forced, count)
         d = np.full(gains.D.shape[1], np.nan)

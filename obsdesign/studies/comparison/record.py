@@ -85,8 +85,8 @@ class ComparisonRecord:
         clocks = ClockColumns.from_problem(problem.to_dict(), has_events=announced)
         modes = tuple(mode.name for mode in plant.modes)
         layout = Layout(
-            plant.p, u, w, announced, clocks=clocks, may_repeat=not plant.has_one_clock,
-            modes=modes, dt=flow.dt,
+            plant.p, u, w, announced, clocks=clocks, modes=modes, dt=flow.dt,
+            may_repeat=not plant.has_one_clock and flow.dt is None,
         )  # fmt: skip
         with open(path, encoding="utf-8", newline="") as stream:
             samples = tuple(read_samples(stream, layout, path))

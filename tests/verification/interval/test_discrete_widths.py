@@ -193,3 +193,13 @@ def test_forged_evidence_and_gains_are_not_confirmed() -> None:
         else:
             gains[key] = value
         assert obsdesign.verify(replace(design, gains=gains)).verdict == "refuted"
+
+
+def test_a_reason_that_claims_share_is_given_once() -> None:
+    """A speed that no sensor measures: both claims on widths are undecided for one reason."""
+    plain = two_rates(2, 5)
+    with pytest.raises(workflow.NotProved) as refusal:
+        obsdesign.design(Problem.from_dict({**plain, "sensor": plain["sensor"][1:]}))
+    claims = [claim for claim in refusal.value.outcome.claims if claim.verdict == "undecided"]
+    assert len(claims) == 2
+    assert str(refusal.value).count("no tube was found on the graph of the clocks") == 1

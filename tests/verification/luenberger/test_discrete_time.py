@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
+from decimal import Decimal, localcontext
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 
 import obsdesign
 from obsdesign import workflow
+from obsdesign.analysis.discrete_error import error_growth
 from obsdesign.data.simulation import simulate
+from obsdesign.equations.luenberger.gains import StepGains, step_entries
 from obsdesign.errors import DoesNotApply
 from obsdesign.interop import control_estimator
 from obsdesign.problem.problem import Problem
@@ -151,3 +154,28 @@ def test_the_estimator_of_python_control_keeps_the_step() -> None:
     _, x = control.forced_response(system, run.t, np.hstack([y, u]).T)
     batch = from_design(design).run_batch(run.t, y, u)
     np.testing.assert_allclose(x.T, batch.x, atol=1e-10)
+
+
+@pytest.mark.parametrize(("rate", "dt"), [(0.1, 0.1), (1 / 3, 0.1), (0.7, 99.0), (0.011, 3600.0)])
+def test_the_growth_of_a_decay_rate_is_rounded_up(rate: float, dt: float) -> None:
+    """e^(rate dt) of the two floats: their product, rounded, is off by more than e^x above 32."""
+    plain = body(flow={"dt": dt, "A": [[1, 0], [0, 1]]}, observer={"decay_rate": rate})
+    problem = Problem.from_dict(plain)
+    n, p = 2, 1
+    gains = StepGains(**step_entries(problem.plant), L=np.zeros((n, p)), M=np.zeros((n, p)))
+    growth = error_growth(problem, gains, rate)[0, 0]
+    with localcontext() as context:
+        context.prec = 60
+        true = (Decimal(rate) * Decimal(dt)).exp()
+        given = Decimal(int(growth.p)) / Decimal(int(growth.q))
+        assert true <= given <= true * (1 + Decimal(2) ** -50)
+
+
+def test_decay_rates_beyond_floats_are_refused() -> None:
+    """e^(rate dt) would overflow; the twin at the limit is decided."""
+    still = {"dt": 3600, "A": [[0, 0], [0, 0]]}
+    for rate in (0.5, 1e150):
+        with pytest.raises(DoesNotApply, match=r"decay_rate times flow\.dt must be at most 100"):
+            obsdesign.design(Problem.from_dict(body(flow=still, observer={"decay_rate": rate})))
+    slow = Problem.from_dict(body(flow=still, observer={"decay_rate": 100 / 3600}))
+    assert {claim.verdict for claim in obsdesign.design(slow).claims} == {"proved"}
