@@ -202,7 +202,7 @@ def test_arrays_are_finite_where_their_meaning_allows_nothing_else(case: str) ->
             if name in MAY_BE[word]:
                 progress_from_text(signed, design, observer, "s.json")
                 continue
-            reason = rf"must be (finite.*; got \"{word}\"\.$|lower bounds at|at least 0)"
+            reason = rf"must (be finite.*; got \"{word}\"\.$|have lower <= upper|be at least 0)"
             with pytest.raises(InputError, match=reason):
                 progress_from_text(signed, design, observer, "s.json")
             count += 1
