@@ -12,7 +12,7 @@ import pytest
 
 import obsdesign
 from obsdesign import workflow
-from obsdesign.analysis.discrete_error import error_growth
+from obsdesign.analysis.discrete_error import error_maps
 from obsdesign.data.simulation import simulate
 from obsdesign.equations.luenberger.gains import StepGains, step_entries
 from obsdesign.errors import DoesNotApply
@@ -163,7 +163,7 @@ def test_the_growth_of_a_decay_rate_is_rounded_up(rate: float, dt: float) -> Non
     problem = Problem.from_dict(plain)
     n, p = 2, 1
     gains = StepGains(**step_entries(problem.plant), L=np.zeros((n, p)), M=np.zeros((n, p)))
-    growth = error_growth(problem, gains, rate)[0, 0]
+    growth = error_maps(problem, gains, rate)[0, 0]
     with localcontext() as context:
         context.prec = 60
         true = (Decimal(rate) * Decimal(dt)).exp()
