@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from flint import arb
 
 from lmi.arithmetic.arrays import Array, Indices, Matrix
-from lmi.arithmetic.balls import Exact, exact, pivot_columns, precision, solve_entries
+from lmi.arithmetic.balls import Exact, exact, pivot_columns, precision, scalar, solve_entries
 from obsdesign.analysis.set_membership.enclosed import BALLS
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.set_membership.nominal import NominalMaps, StepMap
@@ -65,7 +64,7 @@ def _determines(
 def _independent(rows: Array) -> Indices | None:
     """Indices of n rows that are independent in floats; None if there are fewer."""
     n = rows.shape[1]
-    left: Matrix = np.array([[float(arb(x)) for x in row] for row in rows]).reshape(len(rows), n)
+    left: Matrix = np.array([[float(scalar(x)) for x in row] for row in rows]).reshape(len(rows), n)
     size = np.linalg.norm(left, axis=1, keepdims=True)
     left = left / np.where(size > 0, size, 1.0)
     chosen = []
