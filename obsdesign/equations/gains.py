@@ -183,6 +183,12 @@ class PlantGains(Gains):
         return 0 if self.B is None else int(self.B.shape[1])
 
     @property
+    def step(self) -> float:
+        """The step dt of a plant in discrete time."""
+        assert self.dt is not None
+        return self.dt
+
+    @property
     def jump_matrix(self) -> Array:
         """G (n, n); ValueError where the plant has no jumps."""
         if self.G is None:

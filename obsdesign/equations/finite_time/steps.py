@@ -38,12 +38,6 @@ class StepWindowGains(PlantGains):
             raise ValueError("gains.window_gain must have one column for each output of a sample.")
 
     @property
-    def step(self) -> float:
-        """The step dt."""
-        assert self.dt is not None
-        return self.dt
-
-    @property
     def period_steps(self) -> int:
         """Steps from sample to sample."""
         return steps_of(self.period, self.step) or 1

@@ -54,12 +54,6 @@ class StepGains(PlantGains):
             raise ValueError("gains.period must be a multiple of gains.dt.")
 
     @property
-    def step(self) -> float:
-        """The step dt."""
-        assert self.dt is not None
-        return self.dt
-
-    @property
     def period_steps(self) -> int:
         """Steps from sample to sample; 1 where y is known at events alone."""
         return 1 if self.period is None else steps_of(self.period, self.step) or 1

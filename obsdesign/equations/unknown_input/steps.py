@@ -28,12 +28,6 @@ class StepInputGains(PlantGains):
         if self.dt is None:
             raise ValueError("gains.dt is missing.")
 
-    @property
-    def step(self) -> float:
-        """The step dt."""
-        assert self.dt is not None
-        return self.dt
-
 
 def input_entries(plant: Plant) -> NewEntries:
     """The plant's numbers that a design stores; bounds of d are of no use to it."""

@@ -39,6 +39,7 @@ from obsdesign.runtime.interval.branches import Branches
 from obsdesign.runtime.interval.curves import plus, ranges
 from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver, Row
 from obsdesign.runtime.interval.uncertain_state import Known, UncertainState, Window
+from obsdesign.runtime.status import with_reasons
 from obsdesign.runtime.step_cache import shared_length, shared_step
 
 exactly = Enclosure.exactly
@@ -106,10 +107,9 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
                 reasons.append(f"{event.name}: input above input_bound")
         if not reasons:
             return estimate
-        before = [] if estimate.status == "ok" else [estimate.status]
         listed = tuple((estimate.t, text) for text in reasons)
         return estimate._replace(
-            status="; ".join([*before, *reasons]), events=(*estimate.events, *listed)
+            status=with_reasons(estimate.status, reasons), events=(*estimate.events, *listed)
         )
 
     def _new_windows(

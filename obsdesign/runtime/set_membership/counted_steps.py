@@ -27,14 +27,6 @@ class CountedStep:
     forced: Enclosure
     pieces: Enclosure
 
-    def columns(self, width: int) -> Enclosure:
-        """The columns as a table has them, (n, 3, pieces, width): the first of the three alone."""
-        count, n, r = self.pieces.mid.shape
-        mid, rad = np.zeros((2, n, 3, count, width))
-        mid[:, 0, :, :r] = self.pieces.mid.transpose(1, 0, 2)
-        rad[:, 0, :, :r] = self.pieces.rad.transpose(1, 0, 2)
-        return Enclosure(mid, rad)
-
     @property
     def generators(self) -> Matrix:
         """The columns side by side, (n, pieces * active)."""

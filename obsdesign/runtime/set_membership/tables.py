@@ -116,7 +116,9 @@ class Tables:
         if count == 0:
             return self._zero_step
         width, step = self._model.width, counted_step(self._model, count)
-        columns, (pieces, n, r) = step.columns(width), step.pieces.mid.shape
+        pieces, n, r = step.pieces.mid.shape
+        nothing = Enclosure.exactly(np.zeros_like(step.pieces.mid))
+        columns = _padded([step.pieces, nothing, nothing], width)  # as those of a jump: F0 alone
         sizes = np.zeros((n, 2, pieces, width))
         sizes[:, 1] = columns.magnitude[:, 0]
         generators = (step.generators, np.tile(np.arange(r), pieces), np.zeros((n, r)))
