@@ -18,7 +18,7 @@ the error of the enclosed maps, and its own rounding.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -83,14 +83,16 @@ class Kernel:
                   for k in range(self.candidates + self.inner)]  # fmt: skip
         return slices[: self.candidates], slices[self.candidates :]
 
-    def in_parts(self) -> KernelParts:
-        """The matrix, and where its parts are."""
+    def in_parts(self, exponent: int) -> KernelParts:
+        """Its product and where its parts are; exponent: of the times of its samples (`frexp`)."""
+        begins = math.ldexp(0.5, exponent)
         n2, p, middle = 2 * self.n, self.p, self.middle
         (first, *others), inner = self.blocks
         return KernelParts(
-            self.rows, self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
+            self.rows.dot, self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
             slice(middle), slice(middle, None), self.checks, first, tuple(others), tuple(inner),
-            bool(self.rows[:, n2 : n2 + p].any()),
+            bool(self.rows[:, n2 : n2 + p].any()), n2 + p, slice(self.n), slice(self.n, None),
+            begins, 2.0 * begins,
         )  # fmt: skip
 
     def vector(self, box: Matrix, y0: Matrix | None, y1: Matrix | None, u: Matrix) -> Matrix:
@@ -144,14 +146,15 @@ class Kernel:
 
 
 class KernelParts(NamedTuple):
-    """A kernel with slices of v and of a result.
+    """The product with a kernel, slices of v and of a result, and for which times they are.
 
     box, y_start, y_end, known, sizes: of v, the last two all that also enters by absolute value
     and these values; checks, first, others, inner: of a result, the last three the candidates for
-    the bounds of x, and those of z; uses_y_start: is y_start of any effect?
+    the bounds of x, and those of z; uses_y_start: is y_start of any effect? y_index: place of the
+    first y_end; lows, highs: halves of a candidate; begins, ends: of t, ends not included.
     """
 
-    rows: Matrix
+    product: Callable[[Matrix], Matrix]
     blank: Matrix
     box: slice
     y_start: slice
@@ -163,6 +166,11 @@ class KernelParts(NamedTuple):
     others: tuple[slice, ...]
     inner: tuple[slice, ...]
     uses_y_start: bool
+    y_index: int
+    lows: slice
+    highs: slice
+    begins: float
+    ends: float
 
 
 def crossed(ends: Matrix) -> bool:

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from math import frexp
-from operator import gt, neg
 from typing import ClassVar
 
 import numpy as np
@@ -24,7 +22,6 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import (
     MODERATE,
-    NOTHING_FURTHER,
     Estimate,
     Sample,
     by_position,
@@ -46,8 +43,6 @@ from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
 from obsdesign.runtime.status import VOID_SINCE, status_of
-
-_ONE_OUTPUT = (1,)
 
 
 @dataclass(frozen=True)
@@ -89,7 +84,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        if self._short and state.is_usual and (usual := self._usual(state, sample)) is not None:
+        if state.is_usual and (usual := self._usual(state, sample)) is not None:
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self.gains.p)
@@ -155,22 +150,24 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
         One output and no inputs: written out, since most of its time is spent calling.
         """
-        t, y, _, _, jump, bounds, *_ = sample
-        if jump or bounds is not None or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
+        t, y, _, _, jump, bounds, _, _, _, _ = sample
+        since, _, _, y_before, guard, _, _, _, phase, _, _, _ = state
+        if jump or bounds is not None or type(y) is not ndarray or y.size != 1:
             return None
-        h, clock = t - state.t, self.clock
-        kernel = self.kernels.usual.get((h, frexp(t)[1]))
-        if kernel is None or not h > 0.0 <= state.t or not -MODERATE < y.item() < MODERATE:
+        h, value, kernels, clock = t - since, y.item(), self.kernels, self.clock
+        kernel = kernels.latest.get(h)
+        if kernel is None or not kernel.begins <= t < kernel.ends:
+            kernel = kernels.usual(h, t)
+        if kernel is None or since < 0.0 or not -MODERATE < value < MODERATE:
             return None
         if clock.period is None:
-            if state.y is None or not h <= clock.longest:
+            if y_before is None or h > clock.longest:
                 return None
-        elif not (clock.earliest <= t - state.phase <= clock.latest or clock.is_in_time(state, t)):
+        elif not (clock.earliest <= t - phase <= clock.latest or clock.is_in_time(state, t)):
             return None
-        guard = state.guard
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
-        return _usual_step(kernel, state, t, y)
+        return _usual_step(kernel, state, t, value)
 
     def batch(self, state: IntervalState, record: Columns) -> Batch:
         """Estimates of the rows of a record from a state at its first row: those of `step`."""
@@ -197,11 +194,6 @@ class IntervalObserver(BoundsObserver[IntervalState]):
     def clock(self) -> SampleClock:
         """Sampling times that the design is for."""
         return SampleClock.from_gains(self.gains)
-
-    @cached_property
-    def _short(self) -> bool:
-        """Can `_usual` do most of the steps?"""
-        return self.gains.p == 1 and not self.reads["u"]
 
     def _mode(self, state: IntervalState, y: Matrix | None) -> str:
         if self.clock.period is not None:
@@ -234,33 +226,32 @@ def _judged(
 
 
 def _usual_step(
-    kernel: KernelParts, state: IntervalState, t: float, y: Matrix
+    kernel: KernelParts, state: IntervalState, t: float, y: float
 ) -> tuple[IntervalState, Estimate] | None:
     """The product of a step and what follows; None where there is an objection."""
-    rows, blank, box, y_start, y_end, known, sizes, checks, first, others, inner, uses_y = kernel
+    (product, blank, box, y_start, y_end, known, sizes, checks, first, others, inner, uses_y,
+     y_index, lows, highs, _, _) = kernel  # fmt: skip
+    _, before, u, y_before, guard, _, _, _, _, _, _, _ = state
     v = blank.copy()
-    v[box] = state.box
+    v[box] = before
     if uses_y:
-        v[y_start] = state.y
-    v[y_end] = y
+        v[y_start] = y_before
+    v[y_index] = y
     absolute(v[known], v[sizes])
-    out = rows.dot(v)
+    out = product(v)
     below, above, size = out[checks].tolist()
     if not (below >= 0.0 and above >= 0.0 and size < MODERATE):
         return None
     ends = out[first]
     for block in others:
         ends = maximum(ends, out[block])
-    n = len(ends) // 2
-    lower, upper = ends[:n], -ends[n:]
-    if any(map(gt, lower.tolist(), upper.tolist())):
+    lower, upper = ends[lows], -ends[highs]
+    if True in (lower > upper).tolist():
         return None
     if inner:
         ends = largest([out[block] for block in inner])
-        if any(map(gt, ends[:n].tolist(), map(neg, ends[n:].tolist()))):
+        if True in (ends[lows] > -ends[highs]).tolist():
             return None
-    fields = (t, ends, state.u, v[y_end], state.guard, True, t, "", t, True, None, None)
-    following = by_position(IntervalState, fields)
-    return following, by_position(
-        Estimate, (t, None, lower, upper, None, (), "ok", *NOTHING_FURTHER)
-    )  # fmt: skip
+    return by_position(
+        IntervalState, (t, ends, u, v[y_end], guard, True, t, "", t, True, None, None)
+    ), by_position(Estimate, (t, None, lower, upper, None, (), "ok", None, None, None))

@@ -76,11 +76,15 @@ class StepKernels:
     def __init__(self, gains: IntervalGains) -> None:
         self.gains = gains
         self.is_periodic = gains.is_periodic
+        # one output and no inputs: most of the time of a step is spent calling
+        self._is_short = gains.p == 1 and not gains.columns["u"]
         self._steps: OrderedDict[tuple[float, int], KernelsOfStep] = OrderedDict()
         self._jump_spreads: OrderedDict[tuple[float, int], tuple[Matrix, Matrix]] = OrderedDict()
         self._recent: dict[tuple[float, int], KernelsOfStep] = {}
         # (length as it comes, exponent of the later time) -> the kernel of a sample there, in parts
-        self.usual: dict[tuple[float, int], KernelParts] = {}
+        self._usual: dict[tuple[float, int], KernelParts] = {}
+        # length -> the last of them that was used
+        self.latest: dict[float, KernelParts] = {}
 
     @cached_property
     def model(self) -> Model:
@@ -95,14 +99,22 @@ class StepKernels:
         if kernels is None:
             if len(self._recent) >= _RECENT:
                 self._recent.clear()
-                self.usual.clear()
+                self._usual.clear()
+                self.latest.clear()
             kernels = shared_step(self._steps, h, size, self._built)
             self._recent[key] = kernels
-            if h > 0.0:
+            if h > 0.0 and self._is_short:
                 chosen = kernels["sampled" if self.is_periodic else "both"]
                 if chosen.moderate:
-                    self.usual[key] = chosen.in_parts()
+                    self._usual[key] = chosen.in_parts(key[1])
         return kernels
+
+    def usual(self, h: float, t: float) -> KernelParts | None:
+        """The kernel of a step h > 0 to a sample at t, in parts; None where there is none yet."""
+        parts = self._usual.get((h, math.frexp(t)[1]))
+        if parts is not None:
+            self.latest[h] = parts
+        return parts
 
     def with_sample(self, h: float, size: float, has_start: bool) -> Kernel:
         """The kernel of a step with a sample at its end; has_start: and one at its start."""
