@@ -1,4 +1,4 @@
-"""e^{A t} and its integral for many t, enclosed, from one table of A^k / k!.
+"""e^{A t} and its integral for any t, enclosed, from one table of A^k / k!.
 
 A new t costs one product of coefficients with the table, and a doubling for each factor two that
 ||A|| t is above 1/2.
@@ -21,8 +21,6 @@ _LARGEST_ARGUMENT = 0.5
 _MOST_DOUBLINGS = 60
 _EXPONENTS = np.arange(_DEGREE + 2)
 _ORDERS = np.arange(1.0, _DEGREE + 2)
-# parts of an octave of times that share a bound of the growth
-_PER_OCTAVE = 512
 
 
 @dataclass(frozen=True)
@@ -82,16 +80,7 @@ class FlowSeries:
         return FlowSeries(size)
 
     def growth(self, t: float) -> Matrix:
-        """Upper bound of e^{|A| t}, t >= 0: that of a time that is at most 1/256 longer."""
-        mantissa, exponent = math.frexp(t)
-        longer = math.ldexp(math.ceil(mantissa * _PER_OCTAVE) / _PER_OCTAVE, exponent)
-        if longer not in self._growths:
-            if len(self._growths) >= _PER_OCTAVE:
-                self._growths.clear()
-            self._growths[longer] = self._growth(longer)
-        return self._growths[longer]
-
-    def _growth(self, t: float) -> Matrix:
+        """Upper bound of e^{|A| t}, t >= 0."""
         halvings = self._halvings(t)
         if halvings > _MOST_DOUBLINGS:
             return np.full(self.A.shape, np.inf)
@@ -106,10 +95,6 @@ class FlowSeries:
         if not math.isfinite(argument):
             return _MOST_DOUBLINGS + 1
         return max(0, math.ceil(math.log2(max(argument, 1e-300) / _LARGEST_ARGUMENT)))
-
-    @cached_property
-    def _growths(self) -> dict[float, Matrix]:
-        return {}
 
     @cached_property
     def _pattern(self) -> Matrix:

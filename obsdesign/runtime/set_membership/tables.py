@@ -22,11 +22,14 @@ from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.runtime.set_membership.counted_steps import counted_step
 from obsdesign.runtime.set_membership.model import JumpModel, Model
 from obsdesign.runtime.set_membership.series import FlowSeries
+from obsdesign.runtime.set_membership.short_steps import ShortSteps, StepParts
 from obsdesign.runtime.step_cache import cached_step, shared_step
 
 # ||A|| times the length of a piece, roughly: its square is the error of the support function
 _PIECE = 0.25
 _MOST_PIECES = 32
+# most pieces of a step that is short for the flow: ||A|| times it is at most 2
+_SHORT_PIECES = 8
 _RECENT = 256  # step lengths as they come, before rounding; at least those of a window
 # pieces that are taken as one in the search for multipliers, where a step has more than two
 _GROUPED = 2
@@ -72,6 +75,7 @@ class Tables:
     def __init__(self, model: Model) -> None:
         self._model = model
         self._series = FlowSeries(model.A)
+        self._short_steps: dict[int, ShortSteps] = {}
         self._steps: OrderedDict[tuple[float, int], Table] = OrderedDict()
         self._counts: OrderedDict[int, Table] = OrderedDict()
         self._recent: dict[tuple[float, int], Table] = {}
@@ -146,8 +150,26 @@ class Tables:
         )  # fmt: skip
 
     def _flow(self, h: float, error: float) -> Table:
-        model, series, width = self._model, self._series, self._model.width
-        count = _piece_count(series.norm * h)
+        argument, active = self._series.norm * h, self._model.flow.active
+        count = _piece_count(argument)
+        is_short = count <= _SHORT_PIECES
+        parts = self._short(count).parts(h, error) if is_short else self._long(h, error, count)
+        length = math.nextafter((h + error) / count, math.inf)
+        groups, r = _group_count(argument, count), len(active)
+        generators = _generators(parts.columns.mid[..., :r], parts.sizes[..., :r], length, groups)
+        return _table(
+            parts.Phi, parts.forced, parts.columns, parts.sizes, length=length,
+            generators=generators,
+        )  # fmt: skip
+
+    def _short(self, count: int) -> ShortSteps:
+        if count not in self._short_steps:
+            self._short_steps[count] = ShortSteps(self._model, self._series, count)
+        return self._short_steps[count]
+
+    def _long(self, h: float, error: float, count: int) -> StepParts:
+        """The parts of a step of so many pieces, from the flow over half of one."""
+        model, series = self._model, self._series
         half, half_error = 0.5 * h / count, 0.5 * error / count  # exact: powers of two
         middle, integral = series.flow(half, half_error)
         integral = integral + middle @ integral
@@ -156,7 +178,6 @@ class Tables:
         Phi = Enclosure(starts.mid[-1], starts.rad[-1]) @ step
         b, active = model.flow, model.flow.active
         known = np.hstack([model.inputs, b.matrix])
-        r = len(active)
         entering = Enclosure.exactly(b.matrix[:, active])
         ends = _side_by_side(integral @ Enclosure.exactly(known), middle @ entering)
         pushed = starts @ ends  # (count, n, known + r)
@@ -166,14 +187,10 @@ class Tables:
         F0 = Enclosure(pushed.mid[:, :, first + active], pushed.rad[:, :, first + active])
         FM = Enclosure(pushed.mid[:, :, k:], pushed.rad[:, :, k:])
         F1 = Enclosure.exactly(model.A) @ FM
+        sizes = np.zeros((model.n, 2, count, model.width))
         of_pieces = self._sizes(starts, middle, half, half_error)
-        sizes = np.zeros((model.n, 2, count, width))
-        sizes[:, :, :, :r] = np.stack(of_pieces).transpose(2, 0, 1, 3)
-        length = math.nextafter(2.0 * (half + half_error), math.inf)
-        groups = _group_count(series.norm * h, count)
-        generators = _generators(F0, F1, of_pieces, length, groups)
-        columns = _padded([F0, FM, F1], width)
-        return _table(Phi, forced, columns, sizes, length=length, generators=generators)
+        sizes[..., : len(active)] = np.stack(of_pieces).transpose(2, 0, 1, 3)
+        return StepParts(Phi, forced, _padded([F0, FM, F1], model.width), sizes)
 
     def _sizes(
         self, starts: Enclosure, middle: Enclosure, half: float, half_error: float
@@ -253,20 +270,17 @@ def _group_count(argument: float, count: int) -> int:
     return 1 if argument <= _SHORT else min(count, max(2, count // _GROUPED))
 
 
-def _generators(
-    F0: Enclosure, F1: Enclosure, sizes: tuple[Matrix, Matrix], length: float, groups: int
-) -> Generators:
+def _generators(columns: Matrix, sizes: Matrix, length: float, groups: int) -> Generators:
     """(generators, their columns, remainder (n, r)) of pieces, several of them as one.
 
     A piece of length d adds F0 w_mean, a deviation of at most d^2/4 |p'F1| from it and a box of
-    d^3/12 E2; a box of E0 holds all of it. sizes: E2 and E0.
+    d^3/12 E2; a box of E0 holds all of it. columns: F0, FM and F1, sizes: E2 and E0, of r columns.
     """
-    count, n, r = F0.mid.shape
-    shape = (groups, count // groups, n, r)
-    d = length * shape[1]
-    mean = F0.mid.reshape(shape).sum(axis=1)
-    slope = np.abs(F1.mid).reshape(shape).mean(axis=1) * (0.25 * d * d)
-    bend = sizes[0].reshape(shape).max(axis=1) * (d * d * d / 12.0)
-    remainder = np.fmin((slope + bend).sum(axis=0), sizes[1].sum(axis=0))
-    columns = mean.transpose(1, 0, 2).reshape(n, -1)
-    return columns, np.tile(np.arange(r), groups), remainder
+    n, _, count, r = columns.shape
+    shape = (n, groups, count // groups, r)
+    d = length * shape[2]
+    mean = columns[:, 0].reshape(shape).sum(axis=2)
+    slope = np.abs(columns[:, 2]).reshape(shape).mean(axis=2) * (0.25 * d * d)
+    bend = sizes[:, 0].reshape(shape).max(axis=2) * (d * d * d / 12.0)
+    remainder = np.fmin((slope + bend).sum(axis=1), sizes[:, 1].sum(axis=1))
+    return mean.reshape(n, -1), np.tile(np.arange(r), groups), remainder
