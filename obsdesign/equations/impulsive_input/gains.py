@@ -83,6 +83,11 @@ class ImpulsiveInputGains(PlantGains):
         return int(self.input_matrix.shape[1])
 
     @property
+    def noisy(self) -> bool:
+        """Whether outputs have noise."""
+        return bool(((self.noise_std > 0) | (self.noise_cv > 0)).any())
+
+    @property
     def shortest_dwell(self) -> float:
         """Shortest time between two impulses."""
         return self.dwell_range[0]

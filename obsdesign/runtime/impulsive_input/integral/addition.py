@@ -14,7 +14,7 @@ from obsdesign.runtime.impulsive_input.integral.evaluate import Decision, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
-from obsdesign.runtime.impulsive_input.integral.search import Scan
+from obsdesign.runtime.impulsive_input.integral.scan import Scan
 from obsdesign.runtime.impulsive_input.integral.window_noise import misfit
 from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
 

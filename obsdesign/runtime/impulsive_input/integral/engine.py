@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
@@ -22,21 +21,19 @@ from obsdesign.runtime.impulsive_input.integral.covariance import first_covarian
 from obsdesign.runtime.impulsive_input.integral.evaluate import Decision, Evaluator, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
+from obsdesign.runtime.impulsive_input.integral.noise_level import Whitener
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
-from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, smoothed
-from obsdesign.runtime.impulsive_input.integral.window_noise import WindowNoise
-from obsdesign.runtime.impulsive_input.whitening import (
-    noise_deviation,
-    whitened,
-)
+from obsdesign.runtime.impulsive_input.integral.scan import Scan
+from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, smoothed
+from obsdesign.runtime.impulsive_input.whitening import noise_deviation, noise_level
 
-_FLOOR = 8.0  # |R| must exceed this many deviations of noise
-_EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
+# without noise |R| must exceed this part of what the output itself leaves in it: interpolation,
+# rounding
+_EXACT_FLOOR = 1e-7
 _AFTER_FLOOR = (
     3e-6  # and this part of what impulses before it made of it: their fitted values are added
 )
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
-_STEADY_WINDOWS = 20.0  # after which noise alone is left in the error of the state
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
 _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
@@ -44,7 +41,7 @@ _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
 
 @dataclass(frozen=True)
 class IntegralEngine:
-    """Parameters: the free run, its rows, and the evaluation of a window.
+    """Parameters: the free run, its rows, the evaluation of a window, the noise of windows.
 
     units (p,): in which outputs are taken in, None for y as it is.
     """
@@ -52,13 +49,15 @@ class IntegralEngine:
     run: FreeRun
     rows: Rows
     evaluator: Evaluator
+    whitener: Whitener
     units: Matrix | None = None
 
     @classmethod
     def from_gains(cls, gains: IntegralGains) -> IntegralEngine:
         """The engine of a design's gains."""
         run = FreeRun.from_gains(gains.in_output_units())
-        return cls(run, Rows(run), Evaluator.from_run(run), gains.output_units)
+        evaluator = Evaluator.from_run(run)
+        return cls(run, Rows(run), evaluator, Whitener(evaluator), gains.output_units)
 
     # --- rows in, rows out --------------------------------------------------------------------
 
@@ -117,7 +116,8 @@ class IntegralEngine:
         if scan.rule is None or first >= len(scan.values):
             return live, False
         means = smoothed(times, scan.values, first, self._half(live))
-        search, fired = scan.rule.advance(scan.search, means.tolist(), first, times, self.run.tau)
+        rows = NoisyRows(times, scan.sigmas)
+        search, fired = scan.rule.advance(scan.search, means.tolist(), first, rows, self.run.tau)
         return replace(live, scan=replace(scan, search=search)), fired
 
     def _with_values(self, live: IntegralLive) -> IntegralLive:
@@ -129,58 +129,48 @@ class IntegralEngine:
         done = len(live.scan.values)
         if ready <= done:
             return live
-        R = self.run.features(track, done, ready)
         if live.scan.rule is None:
             live = self._prepared(live)
-        scan = live.scan
-        new = np.linalg.norm(R, axis=1) if scan.position is None else scan.position.values(R)
-        return replace(live, scan=replace(scan, values=np.concatenate([scan.values, new])))
+        R, scan = self.run.features(track, done, ready), live.scan
+        if self.run.gains.noisy:
+            return replace(live, scan=self._in_noise(scan, track, R))
+        values = np.linalg.norm(R, axis=1) if scan.position is None else scan.position.values(R)
+        return replace(live, scan=scan.extended(values, np.zeros(len(R))))
+
+    def _in_noise(self, scan: Scan, track: Track, R: Matrix) -> Scan:
+        """The scan with values for the windows of features R, in the noise of each."""
+        first = len(scan.values)
+        variances = self.whitener.variances(track, first, first + len(R))
+        known, noise, k = (variances > 0).all(axis=1), scan.noise, 0
+        values, sigmas = np.zeros(len(R)), np.zeros(len(R))  # at rest there is nothing to judge by
+        while k < len(R):
+            if not known[k]:
+                k += int(np.argmax(np.append(known[k:], True)))
+                continue
+            if noise is None or not noise.reaches(variances[k : k + 1])[0]:
+                noise = self.whitener.level(self._window(track, first + k), variances[k])
+            alike = known[k:] & noise.reaches(variances[k:])
+            stretch = slice(k, k + int(np.argmin(np.append(alike, False))))
+            values[stretch], sigmas[stretch] = noise.scored(R[stretch], variances[stretch])
+            k = stretch.stop
+        return replace(scan.extended(values, sigmas), noise=noise)
 
     def _prepared(self, live: IntegralLive) -> IntegralLive:
         """Rule and covariance for a search that begins, from its first window."""
         window, gains = self._window(live.track, 0), self.run.gains
-        known = np.zeros((gains.n, gains.n))  # of noise alone
-        noise = self.evaluator.responses(window).sources(known, window.spread)
-        sigma = float(np.linalg.norm(noise, 2)) if window.spread.any() else 0.0
-        noisy = sigma > 0
-        size = float(np.linalg.norm(window.taps.T @ window.y))
-        before = 0.0 if noisy else _AFTER_FLOOR * live.largest
         if self.evaluator.gls and live.covariance is None:
             P = first_covariance(self.run, window.y, live.track.x[0])
             live = replace(live, covariance=P)
-        position = None
-        if gains.rule == "position":
-            position, size = self._position(window)
-            least = max(_LEAST if noisy else 0.0, _EXACT_FLOOR * size, before)
-            rule = Rule(floor=0.0, sigma=0.0, share=0.0, threshold=least)
-        else:
-            floor = max(_FLOOR * sigma, _EXACT_FLOOR * size, before)
-            share = _NOISY_SHARE if noisy else _EXACT_SHARE
-            rule = Rule(floor=floor, sigma=sigma, share=share, threshold=gains.threshold)
+        is_position, position, threshold = gains.rule == "position", None, gains.threshold
+        if gains.noisy:
+            rule = Rule(0.0, _NOISY_SHARE, _LEAST if is_position else threshold)
+            return replace(live, scan=replace(live.scan, rule=rule))
+        size = float(np.linalg.norm(window.taps.T @ window.y))
+        if is_position:
+            position, size = self.whitener.exact_position(window)
+        floor = max(_EXACT_FLOOR * size, _AFTER_FLOOR * live.largest)
+        rule = Rule(floor, _EXACT_SHARE, floor if is_position else threshold)
         return replace(live, scan=replace(live.scan, rule=rule, position=position))
-
-    def _position(self, window: Window) -> tuple[Position, float]:
-        """The values by which position is judged, and what the output itself leaves in them.
-
-        In noise features are white, with the noise that K makes of earlier samples too.
-        """
-        T, curve = self._whitening(window), self.evaluator.curve
-        b = curve.states[1:, curve.n :]
-        own = T @ (window.taps.T @ window.y).T.reshape(-1)
-        position = Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
-        return position, float(np.linalg.norm(own))
-
-    def _whitening(self, window: Window) -> Matrix:
-        """T (r, p m) that makes features white; those of equal samples where there is no noise."""
-        spread, n = window.spread, self.run.gains.n
-        if not spread.any():
-            return whitened(window.taps, window.y, np.ones_like(spread)).T
-        steady = _STEADY_WINDOWS * self.run.tau
-        P = propagated(self.run, np.zeros((n, n)), steady, window.t, spread)
-        features, responses = (
-            whitened(window.taps, window.y, spread), self.evaluator.responses(window)
-        )  # fmt: skip
-        return WindowNoise.from_features(features, responses, square_root(P), spread).features.T
 
     def _window(self, track: Track, row: int) -> Window:
         """The window that begins at a row."""
@@ -195,13 +185,14 @@ class IntegralEngine:
             y=y,
             error=self.run.residual(track, row, stop),
             taps=self.evaluator.taps(times),
-            spread=noise_deviation(self.run.gains, y, np.abs(y).max(axis=0)),
+            spread=noise_deviation(self.run.gains, y, noise_level(np.abs(y).max(axis=0))),
         )
 
     def _half(self, live: IntegralLive) -> float:
-        """Half width of the moving average; zero without noise."""
-        rule = live.scan.rule
-        return _SMOOTHING * self.run.tau if rule is not None and rule.sigma > 0 else 0.0
+        """Half width of the moving average of |R|; zero without noise."""
+        gains = self.run.gains
+        is_smooth = live.scan.rule is None or not gains.noisy or gains.rule == "position"
+        return 0.0 if is_smooth else _SMOOTHING * self.run.tau
 
     # --- an impulse ---------------------------------------------------------------------------
 

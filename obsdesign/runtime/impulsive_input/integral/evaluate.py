@@ -32,10 +32,11 @@ from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
     Weighted,
     chi_squared_limit,
-    whitened,
+    raw_taps,
+    whitening,
 )
 
-# gls: likelihood ratio of an impulse against none
+# twice the logarithm of the likelihood of an impulse against none, from which it counts in noise
 _LEAST_GAIN = 36.0
 # plain, without noise: part of R that a fit may leave at the start of a search
 _MAX_MISFIT_SHARE = 1e-3
@@ -131,19 +132,21 @@ class Evaluator:
         return window_taps(exponents, times) * feature_scales(exponents, self.run.tau)
 
     def responses(self, window: Window) -> Responses:
-        """What states and samples of a window leave in its features and at its end."""
-        return Responses.from_run(self.run, window.t, window.taps)
+        """What states and samples of a window leave in its raw features and at its end."""
+        return Responses.from_run(self.run, window.t, raw_taps(window.taps, self.gains.p))
 
     def plain(self, R: Matrix, window: Window, P: Matrix, at_start: bool) -> Decision | None:
         """Evaluate features R (p m,) of a window by the plain norm; None: nothing that counts.
 
-        P (n, n): covariance of the error at t_o, which deviations alone count. at_start: only a
-        good fit counts.
+        P (n, n): covariance of the error at t_o, which the fit does not count: deviations do, and
+        whether the fit is more than what noise would give. at_start: only a good fit counts.
         """
         noisy, root = bool(window.spread.any()), square_root(P)
         unit = window.spread if noisy else np.ones_like(window.spread)
-        alike, responses = whitened(window.taps, window.error, unit), self.responses(window)
-        impulse = self._fitted(window, responses, Weighted(R, np.eye(len(R))), alike)
+        white, responses = whitening(window.taps, unit), self.responses(window)
+        features = Weighted(R, np.eye(len(R)))
+        alike = Weighted(white.features(window.error), white.T)
+        impulse = self._fitted(window, responses, features, smooth=features.T, alike=alike)
         if impulse is None:
             return None
         if at_start:
@@ -163,13 +166,15 @@ class Evaluator:
 
     def weighted(self, window: Window, P: Matrix, at_start: bool) -> Decision | None:
         """Evaluate whitened features of a window; P (n, n): covariance of the error at t_o."""
-        features, responses = (
-            whitened(window.taps, window.error, window.spread), self.responses(window)
+        white = whitening(window.taps, window.spread)
+        responses, own = (
+            Responses.from_run(self.run, window.t, white.taps), white.features(window.error)
         )  # fmt: skip
-        noise = WindowNoise.from_features(features, responses, square_root(P), window.spread)
-        R = noise.features.R
-        impulse = self._fitted(window, responses, noise.features)
-        if impulse is None or impulse.gain <= _LEAST_GAIN:
+        direct = Weighted(own, np.eye(len(own)))
+        noise = WindowNoise.from_features(direct, responses, square_root(P), window.spread)
+        R, smooth = noise.features.R, noise.features.T @ white.T
+        impulse = self._fitted(window, responses, noise.features, smooth=smooth)
+        if impulse is None:
             return None
         freedom = len(R) - 1 - len(impulse.weights)
         limit = chi_squared_limit(freedom)
@@ -185,22 +190,25 @@ class Evaluator:
             start, samples = noise.sources(R - impulse.b @ impulse.weights)
             correction = self.run.smoothing(window.t, start, samples)
         decision = self._decided(window, noise, event, correction)
-        return replace(decision, cost=impulse.cost, freedom=freedom)
+        return decision and replace(decision, cost=impulse.cost, freedom=freedom)
 
     def _decided(
         self, window: Window, noise: WindowNoise, fit: Event, correction: Matrix | None = None
-    ) -> Decision:
-        """The decision with the posterior of the onset, and of the error it leaves."""
+    ) -> Decision | None:
+        """The decision with the posterior of the onset, and of the error it leaves.
+
+        None where noise and the error of the state would give as much without an impulse.
+        """
         grid = OnsetGrid(
             run=self.run, times=window.t, features=noise.features, responses=noise.responses,
             youngest=self.gains.margin, oldest=self.oldest, nonnegative=self.nonnegative,
         )  # fmt: skip
         posterior = grid.posterior(fit.t)
-        after = noise.covariance()
-        if posterior is not None:
-            left = grid.left_by(fit.t, fit.weights) - noise.gain @ noise.features.R
-            left = left if correction is None else left + correction[-1]
-            after = after + posterior.error_covariance(noise.gain, left)
+        if posterior is None or posterior.gain <= _LEAST_GAIN:
+            return None
+        left = grid.left_by(fit.t, fit.weights) - noise.gain @ noise.features.R
+        left = left if correction is None else left + correction[-1]
+        after = noise.covariance() + posterior.error_covariance(noise.gain, left)
         return Decision(
             event=expected(fit, posterior), fit=fit, correction=correction, covariance=after
         )
@@ -223,16 +231,18 @@ class Evaluator:
         window: Window,
         responses: Responses,
         features: Weighted,
+        *,
+        smooth: Matrix,
         alike: Weighted | None = None,
     ) -> Impulse | None:
-        """The best impulse for the features.
+        """The best impulse for the features; smooth (r, p m): them from raw ones.
 
         All onsets are fitted again as samples show them (`cells`). Features under the plain norm
         are nearly dependent; where to look is clearer in those that are `alike`, without that.
         """
         impulse = fit_impulse(
             features.R, self.curve, self.gains.margin, self.oldest,
-            weighting=features.T, nonnegative=self.nonnegative,
+            weighting=smooth, nonnegative=self.nonnegative,
         )  # fmt: skip
         if impulse is None:
             return None

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from obsdesign.runtime.impulsive_input.history import History
 from obsdesign.runtime.impulsive_input.integral.free_run import Track
-from obsdesign.runtime.impulsive_input.integral.search import Scan
+from obsdesign.runtime.impulsive_input.integral.scan import Scan
 from obsdesign.runtime.state_marks import Inputs, Past, Square, States
 
 

@@ -4,7 +4,7 @@ Between two samples time and weight of an onset may leave nearly the same, or ex
 where A H g stays in the span of H, while the next sample tells: a deviation linearised in the age
 is then any number. So the likelihood is summed over a grid of onsets, made finer while a few of
 them hold all of it, and wider while its ends still count. Weights of every size are equally likely
-before (`log_evidence`).
+before (`log_prior`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lmi.arithmetic.exponential import expm
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses
-from obsdesign.runtime.impulsive_input.whitening import Weighted, log_evidence
+from obsdesign.runtime.impulsive_input.whitening import Weighted, log_prior
 
 _POINTS = 80  # intervals of a grid of onsets
 _CELLS = 2.0  # cells between samples on each side of the fit, at first
@@ -32,14 +32,17 @@ _NEGLECTED_RATIO = 40.0  # twice the log-likelihood by which the ends of a grid 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Onsets (G,) evenly spaced, likelihood ratios and probabilities (G,), weights (G, q).
+    """Onsets (G,) evenly spaced, probabilities (G,), weights (G, q).
 
+    cost (G,): what the best weights leave of the features, chi-squared; gain: by how much that of
+    the best onset is less than without an impulse.
     roots (G, q, q): F of the covariance F F' of weights at an onset; states (G, n, q): what unit
     weights leave of the error at the end of the window; b (G, r, q): in the features.
     """
 
     onsets: Matrix
-    ratio: Matrix
+    cost: Matrix
+    gain: float
     probability: Matrix
     weights: Matrix
     roots: Matrix
@@ -107,7 +110,7 @@ class OnsetGrid:
             posterior = self._at(low, high)
             if posterior is None:
                 return None
-            behind = posterior.ratio.max() - posterior.ratio > _NEGLECTED_RATIO
+            behind = posterior.cost - posterior.cost.min() > _NEGLECTED_RATIO
             if (low <= ends[0] or behind[0]) and (high >= ends[1] or behind[-1]):
                 break
             half *= 2
@@ -151,25 +154,26 @@ class OnsetGrid:
         size = np.abs(np.einsum("gqq->gq", root))
         usable = size.min(axis=1) > _LEAST_SHARE * size.max(axis=1)
         root[~usable] = np.eye(b.shape[2])
-        onto = np.einsum("grq,r->gq", Q, self.features.R)
+        R = self.features.R
+        onto = np.einsum("grq,r->gq", Q, R)
         weights = np.linalg.solve(root, onto[:, :, None])[:, :, 0]
         if self.nonnegative:
             usable &= (weights >= 0).all(axis=1)
         if not usable.any():
             return None
-        ratio = np.where(usable, (onto**2).sum(axis=1), 0.0)
-        log_p = np.where(usable, log_evidence(ratio, b.shape[2]), -math.inf)
+        # a sum of squares left, no difference of large ones: rounding hides no likelihood
+        cost = ((R - np.einsum("grq,gq->gr", Q, onto)) ** 2).sum(axis=1)
+        cost, ratio = np.where(usable, cost, float(R @ R)), (onto**2).sum(axis=1)
+        log_p = np.where(usable, -cost / 2 + log_prior(ratio, b.shape[2]), -math.inf)
         p = np.exp(log_p - log_p.max())
         return Posterior(
-            onsets=onsets, ratio=ratio, probability=p / p.sum(), weights=weights,
-            roots=np.linalg.inv(root), states=states, b=b,
+            onsets=onsets, cost=cost, gain=float(R @ R - cost.min()), probability=p / p.sum(),
+            weights=weights, roots=np.linalg.inv(root), states=states, b=b,
         )  # fmt: skip
 
 
-def expected(fit: Event, posterior: Posterior | None) -> Event:
+def expected(fit: Event, posterior: Posterior) -> Event:
     """The fit with the means of time and weights, and their deviations."""
-    if posterior is None:
-        return fit
     return replace(
         fit, t=posterior.time, weights=posterior.weight, t_std=posterior.time_std,
         weights_std=posterior.weight_std,

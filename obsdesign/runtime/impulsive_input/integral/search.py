@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.state_marks import Axes
 
 _SHARE = 0.5  # of the features that it must explain
+_FLOOR = 8.0  # |R| must exceed this many deviations of noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,43 +60,44 @@ class Search:
 class Rule:
     """When an impulse is evaluated.
 
-    floor: |R| that stands out from noise; sigma: its deviation; share: of the hysteresis.
-    threshold: fire when it is exceeded, instead of at a maximum; None for the peak rule.
+    floor: |R| that stands out from rounding; share: of the hysteresis. threshold: fire when it is
+    exceeded, instead of at a maximum; None for the peak rule.
     """
 
     floor: float
-    sigma: float
     share: float
     threshold: float | None = None
 
     def advance(
-        self, search: Search, values: list[float], offset: int, times: Matrix, tau: float
+        self, search: Search, values: list[float], offset: int, rows: NoisyRows, tau: float
     ) -> tuple[Search, bool]:
         """(search, fired) after the values of rows offset, offset + 1, ...; stops when it fires.
 
-        A fired search points with `top` at t_o. times: of all rows. A maximum that no drop followed
-        within tau is final: what made it has left the window by then, or was no impulse.
+        A fired search points with `top` at t_o. A maximum that no drop followed within tau is
+        final: what made it has left the window by then, or was no impulse.
         """
         if self.threshold is not None:
             return self._exceeded(search, values, offset)
+        times, sigmas = rows
         lowest, highest, top = search.lowest, search.highest, search.top
         armed, at_start = search.armed, search.at_start
         for j in range(search.position, offset + len(values)):
-            value = values[j - offset]
+            value, sigma = values[j - offset], float(sigmas[j])
+            floor = max(self.floor, _FLOOR * sigma)
             if lowest == math.inf and not armed:  # the search begins: is it past a peak?
                 lowest = value
-                armed, at_start, highest, top = value > self.floor, True, value, j
+                armed, at_start, highest, top = value > floor, True, value, j
                 continue
             if not armed:
                 lowest = min(lowest, value)
-                if value > lowest + self.share * max(value, self.floor) + self.sigma:
+                if value > lowest + self.share * max(value, floor) + sigma:
                     armed, at_start, highest, top = True, False, value, j
                 continue
             if value > highest:
-                at_start &= value < lowest + self.share * max(value, self.floor) + self.sigma
+                at_start &= value < lowest + self.share * max(value, floor) + sigma
                 highest, top = value, top if at_start else j
-            elif value < highest - self.share * highest - self.sigma or times[j] - times[top] > tau:
-                if highest > self.floor:
+            elif value < highest - self.share * highest - sigma or times[j] - times[top] > tau:
+                if highest > max(self.floor, _FLOOR * float(sigmas[top])):
                     return Search(
                         position=j + 1, armed=True, at_start=at_start, lowest=lowest,
                         highest=highest, top=top,
@@ -112,6 +114,13 @@ class Rule:
                 highest = values[j - offset]
                 return Search(position=j + 1, armed=True, lowest=0.0, highest=highest, top=j), True
         return Search(position=offset + len(values)), False
+
+
+class NoisyRows(NamedTuple):
+    """Times of all rows (L,), deviations of the values of those that have one (k,)."""
+
+    times: Matrix
+    sigmas: Matrix
 
 
 @dataclass(frozen=True)
@@ -146,24 +155,6 @@ class Position:
         most = explained[np.arange(len(R)), best]
         whole = (weighted * weighted).sum(axis=1)
         return np.where(self.old[best] & (most >= _SHARE * whole), np.sqrt(most), 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Scan:
-    """A search along the rows of a track.
-
-    values: |R|, or as `position` has it, of the first rows, whose windows are complete. rule: None
-    until there is one.
-    """
-
-    values: Annotated[Matrix, Axes("rows")] = field(default_factory=lambda: np.zeros(0))
-    search: Search = field(default_factory=Search)
-    rule: Rule | None = None
-    position: Position | None = None
-
-    def from_row(self, row: int) -> Scan:
-        """The scan after the rows in front of a row were dropped."""
-        return replace(self, values=self.values[row:], search=self.search.shifted(row))
 
 
 def smoothed(times: Matrix, values: Matrix, first: int, half: float) -> Matrix:

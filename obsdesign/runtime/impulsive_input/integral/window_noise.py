@@ -27,9 +27,9 @@ from obsdesign.runtime.impulsive_input.whitening import Weighted
 class Responses:
     """What states and samples of a window leave in its features, and at its last row.
 
-    Of unit states x - xhat at the first row: V (p m, n), flow (n, n). Of unit states that the plant
-    is moved by just before a row: onsets (rows, p m, n), states (rows, n, n); before it, and in the
-    cell that ends there, samples do not show them. Of errors of one sample: noise (rows, p, p m),
+    Of unit states x - xhat at the first row: V (r, n), flow (n, n). Of unit states that the plant
+    is moved by just before a row: onsets (rows, r, n), states (rows, n, n); before it, and in the
+    cell that ends there, samples do not show them. Of errors of one sample: noise (rows, p, r),
     ends (rows, p, n).
 
     The error at a row is without that of the row's own sample, which the next window counts: so
@@ -46,13 +46,10 @@ class Responses:
 
     @classmethod
     def from_run(cls, run: FreeRun, times: Matrix, taps: Matrix) -> Responses:
-        """Those of an observer with rows at `times`; taps (rows, m) make features of residuals."""
-        C, n, m = run.gains.C, run.gains.n, taps.shape[1]
-        p, rows = len(C), len(times)
-        size = p * m
+        """Those of an observer with rows at `times`; taps (rows, p, r): features of residuals."""
+        C, n, (rows, p, size) = run.gains.C, run.gains.n, taps.shape
         noise = np.zeros((rows, size + n, p))
-        for j in range(p):
-            noise[:, j * m : (j + 1) * m, j] = taps
+        noise[:, :size] = taps.transpose(0, 2, 1)
         shown = noise @ C
         shown[-1, size:] = np.eye(n)
         left, kicks = np.empty_like(shown), np.empty((rows, n, n))
@@ -75,7 +72,7 @@ class Responses:
         )  # fmt: skip
 
     def sources(self, root: Matrix, spread: Matrix) -> Matrix:
-        """Coefficients of all sources, (n + rows p, p m); root (n, n): F; spread (rows, p)."""
+        """Coefficients of all sources, (n + rows p, r); root (n, n): F; spread (rows, p)."""
         noise = (self.noise * spread[:, :, None]).reshape(spread.size, -1)
         return np.vstack([(self.V @ root).T, noise])
 
@@ -84,7 +81,7 @@ class Responses:
 class WindowNoise:
     """Features of unit noise, and what they tell of the sources.
 
-    features: R (r,) and the map T (r, p m) of raw features. root (n, n): F; spread (rows, p):
+    features: R (r,) and the map T of the features that `responses` has. root (n, n): F; spread (rows, p):
     deviations of the samples; known (n + rows p, r): rows of the sources in the features,
     orthonormal columns; after (n + rows p, n): sources in the error at the last row.
     """
@@ -100,7 +97,7 @@ class WindowNoise:
     def from_features(
         cls, features: Weighted, responses: Responses, root: Matrix, spread: Matrix
     ) -> WindowNoise:
-        """Of features R = T raw; root (n, n): F of the covariance F F' at the first row."""
+        """Of features R = T f, f those of `responses`; root (n, n): F of the covariance F F' at the first row."""
         R, T = features
         known, upper = np.linalg.qr(responses.sources(root, spread) @ T.T)
         ends = (responses.ends * spread[:, :, None]).reshape(spread.size, -1)

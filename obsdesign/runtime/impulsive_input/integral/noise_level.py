@@ -1,0 +1,98 @@
+"""Noise of the windows along a record, by which a search judges |R| and its parts.
+
+Proportional noise changes with the outputs, by decades where a record begins at rest or impulses
+die out. So the map that makes features white, and the deviation of |R|, are made again where the
+noise of a window differs much from that for which they were; in between they are scaled. What
+rounding leaves of the features counts as noise too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.impulsive_input.deviations import square_root
+from obsdesign.runtime.impulsive_input.integral.covariance import propagated
+from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator, Window
+from obsdesign.runtime.impulsive_input.integral.free_run import Track
+from obsdesign.runtime.impulsive_input.integral.search import Position
+from obsdesign.runtime.impulsive_input.whitening import least_cv, noise_level, whitening
+from obsdesign.runtime.state_marks import Outputs
+
+_SCALED = 16.0  # ratio of variances up to which noise is scaled
+_STEADY_WINDOWS = 20.0  # after which noise alone is left in the error of the state
+_ROUNDING = 1e-14  # of features, by the running integrals they are differences of
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseLevel:
+    """Noise of a window whose samples have the mean variances (p,).
+
+    sigma: deviation of |R|; position: the values by which position is judged, if it is.
+    """
+
+    variances: Outputs
+    sigma: float
+    position: Position | None
+
+    def reaches(self, variances: Matrix) -> Matrix:
+        """Whether scaling does for windows of variances (k, p), (k,)."""
+        ratio = variances / self.variances
+        return np.asarray(((ratio <= _SCALED) & (ratio * _SCALED >= 1)).all(axis=1))
+
+    def scored(self, R: Matrix, variances: Matrix) -> tuple[Matrix, Matrix]:
+        """(values of a search, their deviations), (k,), for R (k, p m), variances (k, p)."""
+        scale = np.sqrt((variances / self.variances).max(axis=1))
+        if self.position is None:
+            return np.linalg.norm(R, axis=1), self.sigma * scale
+        return self.position.values(R) / scale, np.ones(len(R))
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Noise levels of windows, by what an evaluator makes of them."""
+
+    evaluator: Evaluator
+
+    def variances(self, track: Track, first: int, last: int) -> Matrix:
+        """Mean variances of the samples of windows that begin at rows first .. last - 1, (k, p)."""
+        gains = self.evaluator.gains
+        ends = np.searchsorted(track.t, track.t[first:last] + gains.window, side="right")
+        sums = np.concatenate([np.zeros((1, gains.p)), np.cumsum(track.y[first:] ** 2, axis=0)])
+        ends, starts = np.minimum(ends, len(track.t)) - first, np.arange(last - first)
+        squares = (sums[ends] - sums[starts]) / (ends - starts)[:, None]
+        level = noise_level(np.sqrt(np.maximum(squares, 0.0)))
+        return np.asarray(gains.noise_std**2 + (least_cv(gains) * level) ** 2)
+
+    def level(self, window: Window, variances: Matrix) -> NoiseLevel:
+        """The noise of a window."""
+        evaluator, n = self.evaluator, self.evaluator.gains.n
+        noise = evaluator.responses(window).sources(np.zeros((n, n)), window.spread)
+        position = None
+        if evaluator.gains.rule == "position":
+            position = self._position(self._whitening(window))
+        return NoiseLevel(variances, float(np.linalg.norm(noise, 2)), position)
+
+    def exact_position(self, window: Window) -> tuple[Position, float]:
+        """The values for y that is exact, and what the output itself leaves in them."""
+        T = whitening(window.taps, np.ones_like(window.spread)).T
+        own = T @ (window.taps.T @ window.y).T.reshape(-1)
+        return self._position(T), float(np.linalg.norm(own))
+
+    def _position(self, T: Matrix) -> Position:
+        """The values by which position is judged, features made white by T."""
+        curve = self.evaluator.curve
+        b = curve.states[1:, curve.n :]
+        return Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
+
+    def _whitening(self, window: Window) -> Matrix:
+        """T (r, p m): white with the noise that K makes of earlier samples, and with rounding."""
+        evaluator, n, spread = self.evaluator, self.evaluator.gains.n, window.spread
+        steady = _STEADY_WINDOWS * evaluator.run.tau
+        P = propagated(evaluator.run, np.zeros((n, n)), steady, window.t, spread)
+        T = whitening(window.taps, spread).T
+        noise = evaluator.responses(window).sources(square_root(P), spread)
+        size = (np.abs(window.taps.T) @ np.abs(window.y)).T.reshape(-1)
+        upper = np.linalg.qr(np.vstack([noise, np.diag(_ROUNDING * size)]) @ T.T, mode="r")
+        return np.asarray(np.linalg.solve(upper.T, T))
