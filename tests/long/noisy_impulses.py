@@ -154,7 +154,7 @@ def studied(seed: int, totals: dict[str, Tally], words: Counter[str]) -> None:
     name = f"{kind}, {NOISES[seed % 3]}"
     try:
         design = design_of(seed, body)
-    except (obsdesign.NotProved, obsdesign.InputError) as refusal:
+    except (obsdesign.NotProved, obsdesign.InputError):
         words[f"{kind}: not proved"] += 1
         return
     t, exact, spread, y, train = simulated(body, rng, x0)

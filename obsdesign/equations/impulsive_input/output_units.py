@@ -2,8 +2,9 @@
 
 |R|, by which impulses are looked for without noise and the plain norm fits them, adds features of
 all outputs. Each is therefore divided by a unit of its output, which designs store: the deviation
-of its noise, else the radius of its bounds, else the largest that an impulse of weight 1 leaves in
-it. Where K cancels an impulse in an output but for rounding, it is what states are without K.
+of its noise, proportional noise that of the largest output that an impulse of weight 1 makes, else
+the radius of its bounds, else the largest that an impulse of weight 1 leaves in its residual. Where
+K cancels an impulse in an output but for rounding, it is what states are without K.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import exponential_grid
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.impulsive_input.decision_rule import has_noise
 from obsdesign.equations.plant import Plant
 
 _POINTS = 200
@@ -29,10 +31,8 @@ def output_units(plant: Plant, K: Matrix, H: Matrix, tau: float) -> Matrix | Non
     A, output, C = plant.flow.A, plant.output, plant.output.C
     if len(C) == 1:
         return None
-    if (output.noise_std > 0).all():
-        return output.noise_std
     radius = output.noise_radius
-    if radius is not None and (radius > 0).all():
+    if not has_noise(output) and radius is not None and (radius > 0).all():
         return radius
     with np.errstate(over="ignore", invalid="ignore"):
         states, free = (
@@ -41,7 +41,11 @@ def output_units(plant: Plant, K: Matrix, H: Matrix, tau: float) -> Matrix | Non
         )
         left = np.abs(C @ states).max(axis=(0, 2), initial=0.0)
         whole = (np.abs(C) @ np.abs(free)).max(axis=(0, 2), initial=0.0)
+        shown = np.abs(C @ free).max(axis=(0, 2), initial=0.0)
     coefficients = np.abs(C).max(axis=1)
     whole = np.where(np.isfinite(whole) & (whole > 0), whole, coefficients)
+    if has_noise(output):
+        outputs = np.where(np.isfinite(shown) & (shown > _LEAST_SHARE * whole), shown, whole)
+        return np.asarray(np.hypot(output.noise_std, output.noise_cv * outputs))
     shown = np.isfinite(left) & (left > _LEAST_SHARE * whole)
     return np.where(shown, left, np.where(whole > 0, whole, 1.0))

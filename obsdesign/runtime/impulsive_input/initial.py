@@ -1,10 +1,16 @@
-"""A record before its first row that counts."""
+"""A record before its first row that counts, and how large its states may be there."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.state_marks import Inputs, Past, Square, States
+
+# of |C| |x| after an impulse: an output that shows less shows rounding
+_LEAST_SHOWN = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,3 +26,20 @@ class Initial:
     covariance: Square | None
     since: Past
     first: Past | None = None
+
+
+def largest_outputs(C: Matrix, states: Matrix) -> Matrix:
+    """Largest outputs (p, q) of states (k, n, q) that impulses leave; zero where rounding alone."""
+    shown = np.abs(C @ states).max(axis=0)
+    return np.where(shown > _LEAST_SHOWN * (np.abs(C) @ np.abs(states)).max(axis=0), shown, 0.0)
+
+
+def impulse_sizes(C: Matrix, states: Matrix, outputs: Matrix) -> Matrix:
+    """States (n,) of an impulse as large as some output needs, of outputs (p,).
+
+    states (k, n, q): what impulses of weight 1 leave. Zero of those that no impulse reaches.
+    """
+    shown = largest_outputs(C, states)
+    reached = shown > 0
+    weights = np.where(reached, outputs[:, None], 0.0) / np.where(reached, shown, 1.0)
+    return np.asarray((np.abs(states) * weights.max(axis=0)).max(axis=(0, 2)))

@@ -43,7 +43,7 @@ def compared(run: FreeRun, decision: Decision, window: Window, P: Matrix) -> Eve
     else:
         left, whole, noise = float((remainder**2).sum()), float((error**2).sum()), 0.0
     if left > noise + _MAX_MISFIT_SHARE**2 * whole:
-        return replace(event, doubts=(MISFIT,))
+        return replace(event, doubts=(*event.doubts, MISFIT))
     return event
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import exponential_grid
+from obsdesign.runtime.impulsive_input.initial import impulse_sizes
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 
 
@@ -15,15 +16,9 @@ def first_covariance(run: FreeRun, y: Matrix, x: Matrix) -> Matrix:
     x (n,): the estimate at its first row.
     """
     C, count = run.gains.C, 64
-    grid = exponential_grid(run.gains.A, 0.0, run.tau / count, count + 1)
-    states = np.einsum("kij,jq->kiq", grid, run.gains.H)
-    shown = np.abs(np.einsum("pi,kiq->kpq", C, states)).max(axis=0)  # (p, q)
+    states = exponential_grid(run.gains.A, 0.0, run.tau / count, count + 1) @ run.gains.H
     ranges = np.ptp(y, axis=0) + np.abs(y[0] - C @ x)
-    with np.errstate(divide="ignore"):
-        weights = np.where(shown > 0, ranges[:, None] / shown, 0.0).max(axis=0)
-    sizes = (np.abs(states) * weights).max(axis=(0, 2))
-    largest = float(sizes.max()) or 1.0
-    return np.diag(np.maximum(sizes, 1e-6 * largest) ** 2)
+    return np.diag(impulse_sizes(C, states, ranges) ** 2)
 
 
 def propagated(run: FreeRun, P: Matrix, elapsed: float, times: Matrix, spread: Matrix) -> Matrix:

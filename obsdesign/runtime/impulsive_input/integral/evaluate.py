@@ -23,7 +23,7 @@ from obsdesign.equations.impulsive_input.features import (
 )
 from obsdesign.equations.impulsive_input.fit import Impulse, fit_impulse, left_inverse
 from obsdesign.equations.impulsive_input.gains import IntegralGains
-from obsdesign.runtime.impulsive_input.event import MISFIT, Event
+from obsdesign.runtime.impulsive_input.event import FAINT, MISFIT, Event
 from obsdesign.runtime.impulsive_input.integral.cells import CellFits
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.onsets import OnsetGrid, expected
@@ -139,9 +139,11 @@ class Evaluator:
         """Evaluate features R (p m,) of a window by the plain norm; None: nothing that counts.
 
         P (n, n): covariance of the error at t_o, which the fit does not count: deviations do, and
-        whether the fit is more than what noise would give. at_start: only a good fit counts.
+        whether there is an impulse at all. at_start: only a good fit counts.
         """
         noisy, root = bool(window.spread.any()), square_root(P)
+        if noisy and not _counts(self._fitted_in_noise(window, P)[1]):
+            return None
         unit = window.spread if noisy else np.ones_like(window.spread)
         white, responses = whitening(window.taps, unit), self.responses(window)
         features = Weighted(R, np.eye(len(R)))
@@ -166,16 +168,10 @@ class Evaluator:
 
     def weighted(self, window: Window, P: Matrix, at_start: bool) -> Decision | None:
         """Evaluate whitened features of a window; P (n, n): covariance of the error at t_o."""
-        white = whitening(window.taps, window.spread)
-        responses, own = (
-            Responses.from_run(self.run, window.t, white.taps), white.features(window.error)
-        )  # fmt: skip
-        direct = Weighted(own, np.eye(len(own)))
-        noise = WindowNoise.from_features(direct, responses, square_root(P), window.spread)
-        R, smooth = noise.features.R, noise.features.T @ white.T
-        impulse = self._fitted(window, responses, noise.features, smooth=smooth)
-        if impulse is None:
+        noise, impulse = self._fitted_in_noise(window, P)
+        if impulse is None or not _counts(impulse):
             return None
+        R = noise.features.R
         freedom = len(R) - 1 - len(impulse.weights)
         limit = chi_squared_limit(freedom)
         if at_start and (impulse.cost > limit or not impulse.inside):
@@ -190,28 +186,37 @@ class Evaluator:
             start, samples = noise.sources(R - impulse.b @ impulse.weights)
             correction = self.run.smoothing(window.t, start, samples)
         decision = self._decided(window, noise, event, correction)
-        return decision and replace(decision, cost=impulse.cost, freedom=freedom)
+        return replace(decision, cost=impulse.cost, freedom=freedom)
+
+    def _fitted_in_noise(self, window: Window, P: Matrix) -> tuple[WindowNoise, Impulse | None]:
+        """White features of a window, and the impulse that explains them best."""
+        white = whitening(window.taps, window.spread)
+        R = white.features(window.error)
+        noise = WindowNoise.from_features(
+            Weighted(R, np.eye(len(R))),
+            Responses.from_run(self.run, window.t, white.taps),
+            square_root(P),
+            window.spread,
+        )
+        smooth = noise.features.T @ white.T
+        return noise, self._fitted(window, noise.responses, noise.features, smooth=smooth)
 
     def _decided(
         self, window: Window, noise: WindowNoise, fit: Event, correction: Matrix | None = None
-    ) -> Decision | None:
-        """The decision with the posterior of the onset, and of the error it leaves.
-
-        None where noise and the error of the state would give as much without an impulse.
-        """
+    ) -> Decision:
+        """The decision with the posterior of the onset, and of the error it leaves."""
         grid = OnsetGrid(
             run=self.run, times=window.t, features=noise.features, responses=noise.responses,
             youngest=self.gains.margin, oldest=self.oldest, nonnegative=self.nonnegative,
         )  # fmt: skip
-        posterior = grid.posterior(fit.t)
-        if posterior is None or posterior.gain <= _LEAST_GAIN:
-            return None
-        left = grid.left_by(fit.t, fit.weights) - noise.gain @ noise.features.R
-        left = left if correction is None else left + correction[-1]
-        after = noise.covariance() + posterior.error_covariance(noise.gain, left)
-        return Decision(
-            event=expected(fit, posterior), fit=fit, correction=correction, covariance=after
-        )
+        posterior, after = grid.posterior(fit.t), noise.covariance()
+        faint = posterior is None or posterior.gain <= _LEAST_GAIN
+        if posterior is not None:
+            left = grid.left_by(fit.t, fit.weights) - noise.gain @ noise.features.R
+            left = left if correction is None else left + correction[-1]
+            after = after + posterior.error_covariance(noise.gain, left)
+        event = expected(replace(fit, doubts=(*fit.doubts, *([FAINT] if faint else []))), posterior)
+        return Decision(event=event, fit=fit, correction=correction, covariance=after)
 
     def _plain_inverse(self, impulse: Impulse) -> Matrix:
         """J^+, (1 + q, p m): what the plain norm makes of features.
@@ -255,3 +260,8 @@ class Evaluator:
             likely |= fits.likely(each)
         best = fits.best(likely)
         return impulse if best is None else replace(best, inside=impulse.inside)
+
+
+def _counts(impulse: Impulse | None) -> bool:
+    """Whether white features show an impulse."""
+    return impulse is not None and impulse.gain > _LEAST_GAIN

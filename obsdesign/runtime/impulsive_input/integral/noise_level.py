@@ -9,6 +9,7 @@ rounding leaves of the features counts as noise too.
 from __future__ import annotations
 
 from dataclasses import dataclass
+
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix

@@ -172,8 +172,10 @@ class OnsetGrid:
         )  # fmt: skip
 
 
-def expected(fit: Event, posterior: Posterior) -> Event:
+def expected(fit: Event, posterior: Posterior | None) -> Event:
     """The fit with the means of time and weights, and their deviations."""
+    if posterior is None:
+        return fit
     return replace(
         fit, t=posterior.time, weights=posterior.weight, t_std=posterior.time_std,
         weights_std=posterior.weight_std,

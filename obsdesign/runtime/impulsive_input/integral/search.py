@@ -14,15 +14,14 @@ impulse is evaluated once the age that explains the features best is most of the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Annotated, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.equations.impulsive_input.decision_rule import EVALUATED_AGE_SHARE
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
-from obsdesign.runtime.state_marks import Axes
 
 _SHARE = 0.5  # of the features that it must explain
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise

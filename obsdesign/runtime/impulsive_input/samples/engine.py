@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -34,7 +35,11 @@ from obsdesign.runtime.impulsive_input.event import (
     missing_sample,
     with_event,
 )
-from obsdesign.runtime.impulsive_input.initial import Initial
+from obsdesign.runtime.impulsive_input.initial import (
+    Initial,
+    impulse_sizes,
+    largest_outputs,
+)
 from obsdesign.runtime.impulsive_input.residuals import birge_ratio
 from obsdesign.runtime.impulsive_input.samples.filter import (
     Filtered,
@@ -45,7 +50,7 @@ from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import Cells, Fit, OnsetModel
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER, Refit
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady, SteadyInputs
-from obsdesign.runtime.impulsive_input.whitening import noise_deviation
+from obsdesign.runtime.impulsive_input.whitening import noise_deviation, noise_level
 from obsdesign.runtime.status import status_of
 
 # twice the log-likelihood ratio from which an impulse counts, in a window of four samples; each
@@ -55,8 +60,7 @@ _CLOSED_INTERVALS = 0.3  # intervals before the end of a window in which no onse
 # what a steady input must leave more than impulses do: what they must be worth against nothing
 _LEAST_ADVANTAGE = _LEAST_RATIO
 _MOST_BEFORE = 512  # rows before a window that are kept
-# of |C| |x| after an impulse: an output that shows less shows rounding
-_LEAST_SHOWN = 1e-9
+_AGES = 64  # of an impulse in a window, at which its states are looked at
 _LEAST_TAIL_SAMPLES = 2  # samples of an incomplete window at the end of a record
 
 
@@ -71,6 +75,22 @@ class SamplesEngine:
     def from_gains(cls, gains: SamplesGains) -> SamplesEngine:
         """The engine of a design's gains."""
         return cls(gains, OnsetModel(SampledPlant.from_gains(gains), bool(gains.nonnegative)))
+
+    @cached_property
+    def states(self) -> Matrix:
+        """What an impulse of weight 1 leaves in a window, (k, n, 1)."""
+        ages = np.linspace(0.0, self.gains.window, _AGES + 1)
+        return self.model.states(ages)[:, :, None]
+
+    @cached_property
+    def outputs(self) -> Matrix:
+        """The largest outputs of it, (p,): units in which outputs are of like size.
+
+        Of an output that no impulse reaches: its largest coefficient.
+        """
+        shown, C = largest_outputs(self.gains.C, self.states)[:, 0], self.gains.C
+        units = np.where(shown > 0, shown, np.abs(C).max(axis=1))
+        return np.where(units > 0, units, 1.0)
 
     @property
     def least_ratio(self) -> float:
@@ -87,16 +107,15 @@ class SamplesEngine:
         """After further rows; a window is evaluated once it is complete."""
         decided: list[Estimate] = []
         for k in range(len(t)):
-            level = np.zeros(()) if isinstance(live, Initial) else live.level
             measured = bool(np.isfinite(y[k]).all())
-            if measured:
-                level = np.maximum(level, np.abs(y[k]))
-            spread = noise_deviation(self.gains, y[k], level) if measured else self.gains.noise_std
-            row = Row(float(t[k]), y[k] if measured else None, u[k], spread)
+            level = np.abs(y[k]) if measured else np.zeros(self.gains.p)
             if isinstance(live, Initial):
-                live = self._begun(live, row, level)
+                x = self._free(live, float(t[k]))
+                level = np.maximum(level, np.abs(self.gains.C @ x))
+                live = self._begun(live, self._row(float(t[k]), y[k], u[k], level), level)
                 continue
-            live = replace(live, level=level)
+            live = replace(live, level=np.maximum(live.level, level))
+            row = self._row(float(t[k]), y[k], u[k], live.level)
             while len(live.rows) > 1 and row.t > self._end(live, row.t):
                 live, rows = self._evaluated(live)
                 decided += rows
@@ -122,10 +141,21 @@ class SamplesEngine:
         estimates += [self._estimate(live, at.row, at.x, is_open=True) for at in live.rows]
         return tuple(estimates)
 
+    def _row(self, t: float, y: Matrix, u: Matrix, level: Matrix) -> Row:
+        """A row with its deviations; level (p,): largest outputs so far."""
+        if not np.isfinite(y).all():
+            return Row(t, None, u, self.gains.noise_std)
+        level = self.outputs * noise_level(level / self.outputs)
+        return Row(t, y, u, noise_deviation(self.gains, y, level))
+
+    def _free(self, initial: Initial, t: float) -> Matrix:
+        """The guess of the state at a time."""
+        plant = self.model.plant
+        return plant.free(initial.t, initial.x, plant.forcing(initial.u), t)
+
     def _begun(self, initial: Initial, row: Row, level: Matrix) -> SampledLive:
         """The state at the first row."""
-        plant, P = self.model.plant, initial.covariance
-        x = plant.free(initial.t, initial.x, plant.forcing(initial.u), row.t)
+        plant, P, x = self.model.plant, initial.covariance, self._free(initial, row.t)
         factor = np.diag(self._guess(x, row)) if P is None else square_root(P)
         at = plant.start(initial.t, initial.x, factor, initial.u, row)
         return SampledLive(
@@ -137,18 +167,10 @@ class SamplesEngine:
         )
 
     def _guess(self, x: Matrix, row: Row) -> Matrix:
-        """Deviations of a first guess: an impulse as large as the first measurement.
-
-        Of the weight that some output needs, if it shows impulses by more than rounding.
-        """
-        count, C = 64, self.gains.C
-        states = self.model.states(np.linspace(0.0, self.gains.window, count + 1))  # (k, n)
-        shown = np.abs(states @ C.T).max(axis=0)
-        seeing = shown > _LEAST_SHOWN * (np.abs(states) @ np.abs(C).T).max(axis=0)
-        y = shown / 2 if row.y is None else np.maximum(np.abs(row.y) / 2, np.abs(row.y - C @ x))
-        weight = float((y[seeing] / shown[seeing]).max(initial=0.0))
-        sizes = np.abs(states).max(axis=0) * weight
-        return np.asarray(np.maximum(sizes, 1e-6 * (float(sizes.max()) or 1.0)))
+        """Deviations of a first guess: an impulse as large as the first measurement."""
+        y, C = row.y, self.gains.C
+        size = self.outputs / 2 if y is None else np.maximum(np.abs(y) / 2, np.abs(y - C @ x))
+        return impulse_sizes(C, self.states, size)
 
     def _appended(self, live: SampledLive, row: Row) -> SampledLive:
         """One more row in the window."""

@@ -19,7 +19,10 @@ from obsdesign.runtime.state_marks import Axes, Inputs, Outputs, Past, Square, S
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One row: time, measurement (None: missing), known input from then on, deviations (p,)."""
+    """One row: time, measurement (None: missing), known input from then on, deviations (p,).
+
+    A sample of deviation zero, whose noise nothing shows yet, is left out.
+    """
 
     t: Past
     y: Outputs | None
@@ -94,7 +97,7 @@ class SampledPlant(HeldPlant):
         Kailath, Sayed, Hassibi, Linear Estimation, section 12.3: no difference of covariances.
         """
         n, p = len(x), len(self.C)
-        if row.y is None:
+        if row.y is None or not row.spread.all():
             return Filtered.without_sample(row, x, factor, flow)
         array = np.block([[np.diag(row.spread), self.C @ factor], [np.zeros((n, p)), factor]])
         lower = triangular(array)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
 
-from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.history import History
 from obsdesign.runtime.impulsive_input.residuals import Residuals
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered
 from obsdesign.runtime.impulsive_input.samples.onset import Cells
 from obsdesign.runtime.impulsive_input.samples.steady_input import SteadyInputs
-from obsdesign.runtime.state_marks import Axes, Outputs, Past
+from obsdesign.runtime.state_marks import Outputs, Past
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +19,14 @@ class SampledLive:
     cells: statistics of onsets from the rows after that start. before: the filter at rows before
     it, none of them before a restart, where a refit may begin: from the shortest dwell time before
     the window's end on, at least one period. steady: explanations of the samples without impulses.
-    level: largest |y| so far, () or (p,). first: time of the record's first row, the phase of
+    level: largest |y| so far. first: time of the record's first row, the phase of
     periodic samples.
     """
 
     rows: tuple[Filtered, ...]
     cells: Cells
     steady: SteadyInputs
-    level: Annotated[Matrix, Axes("")] | Outputs
+    level: Outputs
     first: Past
     before: tuple[Filtered, ...] = ()
     history: History = field(default_factory=History)

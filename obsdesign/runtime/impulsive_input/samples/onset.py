@@ -34,7 +34,7 @@ from obsdesign.runtime.step_cache import cached_step
 ONSETS = 40  # per period of the samples
 _REFINEMENTS = 12  # of the grid of onsets, tenfold each
 _MAX_NEIGHBOUR_PROBABILITY = 0.95  # probability of three neighbours from which a grid is too coarse
-_LEAST_SPREAD = 1e-9  # smallest variance kept, relative to the mean one
+_LEAST_SPREAD = 1e-8  # smallest deviation of a state kept, relative to its own one
 _EQUAL_TIMES = 1e-12  # times closer than this are one
 
 
@@ -255,6 +255,6 @@ class OnsetModel:
         spread = np.hstack([onto * likely / np.sqrt(fit.precision), away * likely])
         factor = triangular(np.hstack([at.factor, spread]))
         # rounding must not leave it singular
-        floor = math.sqrt(_LEAST_SPREAD / n) * float(np.linalg.norm(factor))
-        factor = triangular(np.hstack([factor, floor * np.eye(n)]))
+        floor = _LEAST_SPREAD * np.linalg.norm(factor, axis=1)
+        factor = triangular(np.hstack([factor, np.diag(floor)]))
         return [*means[:-1], at.x], Filtered.without_sample(at.row, at.x, factor)
