@@ -114,7 +114,7 @@ class SamplesEngine:
                 level = np.maximum(level, np.abs(self.gains.C @ x))
                 live = self._begun(live, self._row(float(t[k]), y[k], u[k], level), level)
                 continue
-            live = replace(live, level=np.maximum(live.level, level))
+            live = self._scaled(live, np.maximum(live.level, level))
             row = self._row(float(t[k]), y[k], u[k], live.level)
             while len(live.rows) > 1 and row.t > self._end(live, row.t):
                 live, rows = self._evaluated(live)
@@ -147,6 +147,20 @@ class SamplesEngine:
             return Row(t, None, u, self.gains.noise_std)
         level = self.outputs * noise_level(level / self.outputs)
         return Row(t, y, u, noise_deviation(self.gains, y, level))
+
+    def _scaled(self, live: SampledLive, level: Matrix) -> SampledLive:
+        """The state with another level; open rows at rest get their noise from the first one."""
+        if live.level.any() or not level.any():
+            return replace(live, level=level)
+        first, *later = live.rows
+        live = replace(
+            live, rows=(first,), cells=Cells.empty(len(first.x)), before=(), level=level,
+            steady=SteadyInputs.begin(first),
+        )  # fmt: skip
+        for at in later:
+            y = np.full(len(level), np.nan) if at.row.y is None else at.row.y
+            live = self._appended(live, self._row(at.row.t, y, at.row.u, level))
+        return live
 
     def _free(self, initial: Initial, t: float) -> Matrix:
         """The guess of the state at a time."""
