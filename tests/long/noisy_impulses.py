@@ -101,7 +101,11 @@ def plant(rng: np.random.Generator, seed: int) -> tuple[dict[str, Any], np.ndarr
             if np.linalg.eigvals(A - K @ scaled).real.max() < -0.6 * slow:
                 break
         options["gains"] = {"K": K.tolist()}
-    x0 = np.zeros(n) if rng.random() < 0.5 else (grid[rng.integers(80)][:, 0] * rng.uniform(0.2, 1)) * states
+    x0 = (
+        np.zeros(n)
+        if rng.random() < 0.5
+        else (grid[rng.integers(80)][:, 0] * rng.uniform(0.2, 1)) * states
+    )
     return {
         "flow": {"A": A.tolist()}, "jump": {"H": H.tolist(), "dwell_time": [dwell, "inf"]},
         "output": output, "observer": {"kind": "impulsive_input"} | options,
@@ -115,8 +119,13 @@ def simulated(body: dict[str, Any], rng: np.random.Generator, x0: Any) -> tuple[
     weights = rng.choice([-1, 1], IMPULSES) * 10 ** rng.uniform(-0.5, 0.5, IMPULSES)
     train = list(zip(moments.tolist(), weights.tolist(), strict=True))
     t = np.round(period * np.arange(int((moments[-1] + 2.2 * dwell) / period)), 10)
-    y = record(np.array(body["flow"]["A"]), body["jump"]["H"], train, t, x0) @ np.array(output["C"]).T
-    std, cv = (np.array(output.get(name, np.zeros(y.shape[1]))) for name in ("noise_std", "noise_cv"))
+    y = (
+        record(np.array(body["flow"]["A"]), body["jump"]["H"], train, t, x0)
+        @ np.array(output["C"]).T
+    )
+    std, cv = (
+        np.array(output.get(name, np.zeros(y.shape[1]))) for name in ("noise_std", "noise_cv")
+    )
     spread = np.hypot(std, cv * np.abs(y))
     return t, y, spread, y + spread * rng.standard_normal(y.shape), train
 
@@ -129,9 +138,14 @@ def bounds(body: dict[str, Any], t: Any, y: Any, spread: Any, train: Any) -> lis
     result = []
     for moment, g in train:
         near = np.abs(t - moment) < 0.8 * dwell
-        s = np.maximum(spread[near], np.where((spread > 0).all(axis=0), 0, 1e-3 * floor) + 1e-12 * floor)
+        s = np.maximum(
+            spread[near], np.where((spread > 0).all(axis=0), 0, 1e-3 * floor) + 1e-12 * floor
+        )
         flows = expm(A * (t[near] - t[near][0])[:, None, None])
-        late = expm(A * np.maximum(t[near] - moment, 0)[:, None, None]) * (t[near] >= moment)[:, None, None]
+        late = (
+            expm(A * np.maximum(t[near] - moment, 0)[:, None, None])
+            * (t[near] >= moment)[:, None, None]
+        )
         columns = np.concatenate([late @ H, late @ A @ H * g / units, flows], axis=2)
         J = (C @ columns / s[:, :, None]).reshape(s.size, -1)
         R = np.linalg.qr(J / np.linalg.norm(J, axis=0))[1]
@@ -165,7 +179,9 @@ def studied(seed: int, totals: dict[str, Tally], words: Counter[str]) -> None:
     limits, own = bounds(body, t, exact, spread, train), Tally(true=len(train))
     left = list(events)
     for k, (moment, g) in enumerate(train):
-        near = [e for e in left if abs(e.t - moment) < max(6 * (e.t_std or 0), 2 * period, 0.1 * window)]
+        near = [
+            e for e in left if abs(e.t - moment) < max(6 * (e.t_std or 0), 2 * period, 0.1 * window)
+        ]
         if not near:
             doubted = any(r.status != "ok" for r in rows if moment <= r.t <= moment + 1.5 * window)
             own.missed += 1
@@ -187,7 +203,9 @@ def studied(seed: int, totals: dict[str, Tally], words: Counter[str]) -> None:
             words[f"{kind}: status {event.status[:40]}"] += 1
     own.false, own.false_ok = len(left), sum(e.status == "ok" for e in left)
     for e in left:
-        print(f"   seed {seed} {name}: false t {e.t:.5g} g {e.weights[0]:.3g} std {e.weights_std[0]:.2g} {e.status}")
+        print(
+            f"   seed {seed} {name}: false t {e.t:.5g} g {e.weights[0]:.3g} std {e.weights_std[0]:.2g} {e.status}"
+        )
     for tally in (totals.setdefault(name, Tally()), totals.setdefault("all", Tally())):
         tally.true, tally.missed = tally.true + own.true, tally.missed + own.missed
         tally.missed_ok, tally.ratios = tally.missed_ok + own.missed_ok, tally.ratios + own.ratios

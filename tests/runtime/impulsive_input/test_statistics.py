@@ -15,9 +15,10 @@ from obsdesign.equations.impulsive_input.features import window_taps
 from obsdesign.runtime.impulsive_input import whitening
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History, short_dwell
+from obsdesign.runtime.impulsive_input.initial import impulse_sizes
 from obsdesign.runtime.impulsive_input.integral import covariance, recursions
 from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
-from obsdesign.runtime.impulsive_input.integral.search import Rule, Search, smoothed
+from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, Search, smoothed
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine, _event
 from obsdesign.runtime.impulsive_input.samples.filter import triangular
 from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
@@ -42,23 +43,36 @@ def test_the_chi_squared_limit_is_its_quantile(freedom: int) -> None:
 
 def test_whitened_features_have_unit_covariance() -> None:
     s, error = spread(), np.random.default_rng(1).standard_normal((16, 2))
-    R, T = whitening.whitened(TAPS, error, s)
+    white = whitening.whitening(TAPS, s)
+    R, T = white.features(error), white.T
     N = covariance_of(TAPS, s)
-    plain = np.concatenate([TAPS.T @ error[:, j] for j in range(2)])
+    plain = np.tensordot(error, whitening.raw_taps(TAPS, 2), 2)
     np.testing.assert_allclose(R, T @ plain, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(T @ N @ T.T, np.eye(6), atol=1e-9)
+    # the taps are those of features of unit noise to the last digits, however small T divides by
+    for taps in (TAPS, np.hstack([TAPS, TAPS[:, :1] + 1e-9 * TAPS[:, 1:2]])):
+        sources = (whitening.whitening(taps, s).taps * s[:, :, None]).reshape(s.size, -1)
+        np.testing.assert_allclose(sources.T @ sources, np.eye(len(sources.T)), atol=1e-14)
     # features that are the same twice count once
     double = np.hstack([TAPS, TAPS[:, :1]])
-    assert len(whitening.whitened(double, error, s).R) == 6
+    assert len(whitening.whitening(double, s).T) == 6
 
 
 def test_deviations_of_the_noise() -> None:
-    gains = SimpleNamespace(noise_std=np.array([0.3, 0.0]), noise_cv=np.array([0.4, 0.1]))
+    gains: Any = SimpleNamespace(
+        noise_std=np.array([0.3, 0.0]), noise_cv=np.array([0.4, 0.1]), noisy=True
+    )
     y, level = np.array([[1.0, 0.0], [-2.0, -2.0]]), np.array([5.0, 4.0])
     values = whitening.noise_deviation(gains, y, level)
     np.testing.assert_allclose(values, [[0.5, 0.1 * 4e-3], [math.hypot(0.3, 0.8), 0.2]], rtol=1e-12)
     nothing = whitening.noise_deviation(gains, np.zeros((1, 2)), np.zeros(2))
-    assert nothing.tolist() == [[0.3, 0.1]]
+    assert nothing.tolist() == [[0.3, 0.0]]  # a unit of y is no deviation
+    # rounding counts, and an output that shows nothing is no more exact than the others
+    fine: Any = SimpleNamespace(noise_std=np.array([1e-12]), noise_cv=np.zeros(1), noisy=True)
+    assert whitening.noise_deviation(fine, np.ones(1), np.ones(1)) == pytest.approx(1e-7)
+    exact: Any = SimpleNamespace(noise_std=np.zeros(1), noise_cv=np.zeros(1), noisy=False)
+    assert whitening.noise_deviation(exact, np.ones(1), np.ones(1)) == 0
+    assert whitening.noise_level(np.array([0.0, 4.0])).tolist() == [4e-3, 4.0]
 
 
 def test_roots_of_covariances() -> None:
@@ -184,19 +198,20 @@ def test_an_event_is_judged_by_its_residuals_and_its_dwell_time() -> None:
     assert History(t=1.0 + 1e-9).judged(unknown, 1.0, cost=5.0, freedom=5).doubts == ()
 
 
+# an impulse leaves (sin, 3 cos) of half a turn in the window, and y = x1
+AGES = np.linspace(0, math.pi, 65)
+STATES = np.column_stack([np.sin(AGES), 3 * np.cos(AGES)])[:, :, None]
+FIRST = np.array([[1.0, 0.0]])
+
+
 @pytest.mark.parametrize(
     ("x", "y", "size"), [([0.0, 0.0], 6.0, 6.0), ([4.0, 0.0], 6.0, 3.0), ([-4.0, 0.0], 6.0, 10.0)]
 )
 def test_a_first_guess_is_as_wide_as_an_impulse_that_explains_the_sample(
     x: list[float], y: float, size: float
 ) -> None:
-    # an impulse leaves (sin, 3 cos) of half a turn in the window, and y = x1
-    def states(ages: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.sin(math.pi * ages / 2), 3 * np.cos(math.pi * ages / 2)])
-
     engine: Any = SimpleNamespace(
-        gains=SimpleNamespace(C=np.array([[1.0, 0.0]]), window=2.0),
-        model=SimpleNamespace(states=states),
+        gains=SimpleNamespace(C=FIRST), states=STATES, outputs=np.array([1.0])
     )
     row: Any = SimpleNamespace(y=np.array([y]))
     guess = SamplesEngine._guess(engine, np.array(x), row)
@@ -206,9 +221,29 @@ def test_a_first_guess_is_as_wide_as_an_impulse_that_explains_the_sample(
     np.testing.assert_allclose(guess, [0.5, 1.5], rtol=1e-12)
 
 
+def test_sizes_of_impulses_have_the_units_of_states_and_outputs() -> None:
+    sizes = impulse_sizes(FIRST, STATES, np.array([6.0]))
+    for unit in (2.0**-40, 2.0**40):
+        units = np.array([1.0, unit])
+        C = np.array([[1.0, 1e-16 / unit]])
+        scaled = impulse_sizes(C, STATES * units[:, None], np.array([6.0]))
+        np.testing.assert_array_equal(scaled, sizes * units)
+    # of an output that shows an impulse by rounding alone no weight follows
+    alike = np.stack([STATES[:, 0], STATES[:, 0] * (1 + 1e-12)], axis=1)
+    both = impulse_sizes(np.array([[1.0, 0.0], [1.0, -1.0]]), alike, np.array([6.0, 6.0]))
+    assert both == pytest.approx([6.0, 6.0])
+    assert (impulse_sizes(FIRST, STATES, np.zeros(1)) == 0).all()
+
+
+TWENTY = np.arange(20.0)
+
+
+def rows_with(sigma: float, times: np.ndarray = TWENTY) -> NoisyRows:
+    return NoisyRows(times, np.full(len(times), sigma))
+
+
 def test_a_threshold_fires_at_the_first_value_above_it() -> None:
-    rule = Rule(floor=0.0, sigma=0.0, share=0.0, threshold=2.0)
-    times = np.arange(20.0)
+    rule, times = Rule(floor=0.0, share=0.0, threshold=2.0), rows_with(0.0)
     search, fired = rule.advance(Search(), [1.0, 2.0, 2.5, 9.0], 0, times, 5.0)
     assert fired
     assert (search.position, search.top, search.highest, search.armed) == (3, 2, 2.5, True)
@@ -222,23 +257,29 @@ def test_a_threshold_fires_at_the_first_value_above_it() -> None:
 
 
 def test_a_peak_fires_when_it_was_left_behind() -> None:
-    rule = Rule(floor=1.0, sigma=0.1, share=0.1)
+    rule, noise = Rule(floor=1.0, share=0.1), rows_with(0.1)
     values = [0.0, 0.5, 2.0, 4.0, 3.9, 3.6, 3.4, 0.0]
-    search, fired = rule.advance(Search(), values, 0, np.arange(20.0), 9.0)
+    search, fired = rule.advance(Search(), values, 0, noise, 9.0)
     assert fired
     assert (search.top, search.highest, search.position) == (3, 4.0, 7)  # 3.4 < 4 - .4 - .1
     # what never falls is final when it has left the window
-    search, fired = rule.advance(Search(), [0.0, 2.0, 2.0, 2.0, 2.0, 2.0], 0, np.arange(20.0), 3.0)
+    search, fired = rule.advance(Search(), [0.0, 2.0, 2.0, 2.0, 2.0, 2.0], 0, noise, 3.0)
     assert fired
     assert (search.top, search.position) == (1, 6)
     # below the floor nothing fires
-    _, fired = rule.advance(Search(), [0.0, 0.9, 0.0, 0.9, 0.0], 0, np.arange(20.0), 9.0)
+    _, fired = rule.advance(Search(), [0.0, 0.9, 0.0, 0.9, 0.0], 0, noise, 9.0)
     assert not fired
+    # nor below eight deviations of the noise at the maximum
+    for sigma, fires in ((0.4, True), (0.6, False)):
+        sigmas = np.where(np.arange(20) == 3, sigma, 0.1)
+        _, fired = rule.advance(Search(), values, 0, NoisyRows(noise.times, sigmas), 9.0)
+        assert fired == fires
 
 
 def test_one_kernel_is_whitened_too() -> None:
     s, error = spread(), np.random.default_rng(1).standard_normal((16, 2))
-    R, T = whitening.whitened(TAPS[:, :1], error, s)
+    white = whitening.whitening(TAPS[:, :1], s)
+    R, T = white.features(error), white.T
     N = covariance_of(TAPS[:, :1], s)
     np.testing.assert_allclose(T @ N @ T.T, np.eye(2), atol=1e-9)
     assert R.shape == (2,)
@@ -259,7 +300,7 @@ def test_an_onset_in_one_cell_of_a_grid_may_be_anywhere_in_it(step: float) -> No
 
 def test_a_row_that_all_but_ends_a_window_is_its_last_one() -> None:
     """Decimal stamps: .1 + .2 is a little more than .3."""
-    gains = SimpleNamespace(noise_std=np.zeros(1), noise_cv=np.zeros(1))
+    gains = SimpleNamespace(noise_std=np.zeros(1), noise_cv=np.zeros(1), noisy=False)
     run = SimpleNamespace(tau=0.2, gains=gains, residual=lambda track, a, b: track.y[a:b])
     own: Any = SimpleNamespace(run=run, evaluator=SimpleNamespace(taps=lambda times: times))
     for t, last in (
@@ -273,14 +314,15 @@ def test_a_row_that_all_but_ends_a_window_is_its_last_one() -> None:
 
 @pytest.mark.parametrize("begin", [0.0, 100.0, -100.0])
 def test_a_maximum_is_final_after_a_drop_or_a_whole_window(begin: float) -> None:
-    rule, tau, times = Rule(floor=0.1, sigma=0.0, share=0.5), 2.05, begin + 0.1 * np.arange(40)
+    rule, tau, times = Rule(floor=0.1, share=0.5), 2.05, begin + 0.1 * np.arange(40)
+    rows = rows_with(0.0, times)
     flat = [0.0, 1.0, *([0.9] * 38)]
-    search, fired = rule.advance(Search(), flat, 0, times, tau)
+    search, fired = rule.advance(Search(), flat, 0, rows, tau)
     assert fired
     assert (search.top, search.position) == (1, 23)  # the first row more than tau behind the top
-    early, fired = rule.advance(Search(), flat[:22], 0, times, tau)
+    early, fired = rule.advance(Search(), flat[:22], 0, rows, tau)
     assert (early.top, fired) == (1, False)
-    dropped, fired = rule.advance(Search(), [0.0, 1.0, 0.9, 0.4], 0, times, tau)
+    dropped, fired = rule.advance(Search(), [0.0, 1.0, 0.9, 0.4], 0, rows, tau)
     assert (dropped.top, dropped.position, fired) == (1, 4, True)
 
 

@@ -15,6 +15,7 @@ from obsdesign.runtime.impulsive_input.integral.addition import compared
 from obsdesign.runtime.impulsive_input.integral.evaluate import Decision, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses
+from obsdesign.runtime.impulsive_input.whitening import raw_taps
 from tests.runtime.impulsive_input.test_onsets import errors_of
 
 # a default K that colours the noise of a window, and one that does as stated poles have it
@@ -60,7 +61,8 @@ def track_of(run: FreeRun, times: Any, x: Any, y: Any) -> Track:
 
 
 def test_coefficients_are_those_of_the_observer_that_runs(run: FreeRun) -> None:
-    responses = Responses.from_run(run, TIMES, window_taps(LAMBDAS, TIMES))
+    taps = raw_taps(window_taps(LAMBDAS, TIMES), run.gains.p)
+    responses = Responses.from_run(run, TIMES, taps)
     n, p, rows = run.gains.n, run.gains.p, len(TIMES)
     still = np.zeros((rows + 1, p))
     for i, unit in enumerate(np.eye(n)):

@@ -81,8 +81,8 @@ class Responses:
 class WindowNoise:
     """Features of unit noise, and what they tell of the sources.
 
-    features: R (r,) and the map T of the features that `responses` has. root (n, n): F; spread (rows, p):
-    deviations of the samples; known (n + rows p, r): rows of the sources in the features,
+    features: R (r,) and the map T of the features that `responses` has. root (n, n): F; spread
+    (rows, p): deviations of samples; known (n + rows p, r): rows of the sources in the features,
     orthonormal columns; after (n + rows p, n): sources in the error at the last row.
     """
 
@@ -97,7 +97,7 @@ class WindowNoise:
     def from_features(
         cls, features: Weighted, responses: Responses, root: Matrix, spread: Matrix
     ) -> WindowNoise:
-        """Of features R = T f, f those of `responses`; root (n, n): F of the covariance F F' at the first row."""
+        """Of features R = T f, f those of `responses`; root (n, n): F of P = F F' at first."""
         R, T = features
         known, upper = np.linalg.qr(responses.sources(root, spread) @ T.T)
         ends = (responses.ends * spread[:, :, None]).reshape(spread.size, -1)
