@@ -77,11 +77,11 @@ class Rule:
         """
         if self.threshold is not None:
             return self._exceeded(search, values, offset)
-        times, sigmas = rows
+        times, sigmas = rows.times, rows.sigmas[offset : offset + len(values)].tolist()
         lowest, highest, top = search.lowest, search.highest, search.top
         armed, at_start = search.armed, search.at_start
         for j in range(search.position, offset + len(values)):
-            value, sigma = values[j - offset], float(sigmas[j])
+            value, sigma = values[j - offset], sigmas[j - offset]
             floor = max(self.floor, _FLOOR * sigma)
             if lowest == math.inf and not armed:  # the search begins: is it past a peak?
                 lowest = value
@@ -96,7 +96,7 @@ class Rule:
                 at_start &= value < lowest + self.share * max(value, floor) + sigma
                 highest, top = value, top if at_start else j
             elif value < highest - self.share * highest - sigma or times[j] - times[top] > tau:
-                if highest > max(self.floor, _FLOOR * float(sigmas[top])):
+                if highest > max(self.floor, _FLOOR * float(rows.sigmas[top])):
                     return Search(
                         position=j + 1, armed=True, at_start=at_start, lowest=lowest,
                         highest=highest, top=top,
