@@ -1,6 +1,6 @@
 """Bounds of positive systems whose events come at independent times: a tube on a graph.
 
-    u' = W u + f         W Metzler, f >= 0, between events
+    u' = W u + f         W Metzler, f >= 0, between events, of one flow or of several
     u+ = T(u)            at an event: stages, each the least of affine maps N u + k, N >= 0, k >= 0
 
 A node stands for a set of instants, v at it for a bound of u there. A `Passage` says that u at a
@@ -21,6 +21,7 @@ through, which bounds u there.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -61,7 +62,7 @@ class Least:
 class Passage:
     """From node `source` through an event, in a time in [low, high].
 
-    event: its place in `Graph.events`, None for none.
+    event: its place in `Graph.events`, None for none; flow: that of `Graph.flows`.
     held: (n,), which entries do not flow, None: all do; through: nodes whose bounds they keep;
     silent: (n,), entries of which the passage is taken to bound nothing, None: it bounds all that
     flow.
@@ -74,6 +75,12 @@ class Passage:
     held: tuple[bool, ...] | None = None
     through: tuple[int, ...] = ()
     silent: tuple[bool, ...] | None = None
+    flow: int = 0
+
+    @property
+    def key(self) -> _Flow:
+        """What its flow depends on."""
+        return self.low, self.high, self.held, self.flow
 
     @cached_property
     def unbounded(self) -> NDArray[np.bool_] | None:
@@ -83,23 +90,33 @@ class Passage:
 
 
 Strategy = tuple[Passage, ...]
-# low, high, held: passages of one flow
-_Flow = tuple[float, float, tuple[bool, ...] | None]
+# low, high, held, flow
+_Flow = tuple[float, float, tuple[bool, ...] | None, int]
 
 
 @dataclass(frozen=True)
 class Graph:
-    """W (n, n), f (n,) exact; events: stages of each; nodes: strategies of each."""
+    """flows: W (n, n), f (n,) exact; events: stages of each; nodes: strategies of each."""
 
-    W: Exact
-    f: Exact
+    flows: tuple[tuple[Exact, Exact], ...]
     events: tuple[tuple[Least, ...], ...]
     nodes: tuple[tuple[Strategy, ...], ...]
 
     @property
     def n(self) -> int:
         """Number of entries of u."""
-        return len(self.f)
+        return len(self.flows[0][1])
+
+    def without_inputs(self) -> Graph:
+        """The same with f = 0 and k = 0 in all maps."""
+        flows = tuple((W, 0 * f) for W, f in self.flows)
+        events = tuple(tuple(stage.homogeneous() for stage in stages) for stages in self.events)
+        return Graph(flows, events, self.nodes)
+
+    def has_inputs(self) -> bool:
+        """Is any f or k other than 0?"""
+        maps = (own for stages in self.events for stage in stages for own in stage.maps)
+        return any(any(k) for _, k in (*self.flows, *maps))
 
     def passages(self) -> Iterator[Passage]:
         """Passages of all strategies of all nodes."""
@@ -112,11 +129,12 @@ class Graph:
         start = v[passage.source]
         for stage in () if passage.event is None else self.events[passage.event]:
             start = stage(start)
+        W, f = self.flows[passage.flow]
         if passage.held is None:
-            return Affine(self.W, self.f, start)
+            return Affine(W, f, start)
         held, kept = np.array(passage.held), v[list(passage.through)].max(axis=0)
-        W = np.where(held[:, None], self.W * 0, self.W)
-        return Affine(W, np.where(held, self.f * 0, self.f), np.where(held, kept, start))
+        W = np.where(held[:, None], W * 0, W)
+        return Affine(W, np.where(held, f * 0, f), np.where(held, kept, start))
 
     @cached_property
     def floats(self) -> FloatGraph:
@@ -140,7 +158,7 @@ class FloatGraph:
 
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
-        self.W, self.f = to_float(graph.W), to_float(graph.f)
+        self.flows = [(to_float(W), to_float(f)) for W, f in graph.flows]
         self.events = [
             [[(to_float(N), to_float(k)) for N, k in stage.maps] for stage in stages]
             for stages in graph.events
@@ -151,23 +169,24 @@ class FloatGraph:
         self.of_node = np.cumsum([0, *(len(strategies) for strategies in graph.nodes)])
         self.groups: dict[_Flow, list[int]] = {}
         for place, own in enumerate(self.passages):
-            self.groups.setdefault((own.low, own.high, own.held), []).append(place)
+            self.groups.setdefault(own.key, []).append(place)
         self.unbounded = np.array([
             np.zeros(graph.n, dtype=bool) if own.unbounded is None else own.unbounded
             for own in self.passages
         ])  # fmt: skip
         self._grids: dict[_Flow, Grid] = {}
 
-    def grid(self, low: float, high: float, held: tuple[bool, ...] | None) -> Grid:
-        """Flows at times from low to high."""
-        key = (low, high, held)
+    def grid(self, key: _Flow) -> Grid:
+        """The flow of a passage at times from its lowest to its highest."""
         if key not in self._grids:
             self._grids[key] = self._made(*key)
         return self._grids[key]
 
-    def _made(self, low: float, high: float, held: tuple[bool, ...] | None) -> Grid:
-        n, high = len(self.f), min(high, low + 4 * horizon(self.W))
-        W, f = self.W, self.f
+    def _made(self, low: float, high: float, held: tuple[bool, ...] | None, flow: int) -> Grid:
+        W, f = self.flows[flow]
+        n = len(f)
+        if math.isinf(high) or float(np.linalg.eigvals(W).real.max()) < 0:
+            high = min(high, low + 4 * horizon(W))  # nothing is left to show after it
         if held is not None:
             W, f = np.where(np.array(held)[:, None], 0.0, W), np.where(held, 0.0, f)
         wanted = (high - low) * float(np.abs(W).sum(axis=1).max(initial=0.0)) / _STEP
@@ -193,11 +212,11 @@ class Values:
         self.floats, self.v = floats, v
         self._after: dict[tuple[int, int | None], Matrix] = {}
         self._widest: dict[tuple[int, ...], Matrix] = {}
-        self.largest = np.empty((len(floats.passages), len(floats.f)))
+        self.largest = np.empty((len(floats.passages), floats.graph.n))
         for key, places in floats.groups.items():
             starts = np.array([self.start(floats.passages[k]) for k in places])
             if key[1] > 0.0:
-                grid = floats.grid(*key)
+                grid = floats.grid(key)
                 starts = (grid.flows @ starts.T + grid.pushes[:, :, None]).max(axis=0).T
             self.largest[places] = starts
         self.largest[floats.unbounded] = np.inf

@@ -16,8 +16,7 @@ from lmi.time_budget import UNLIMITED, TimeBudget
 
 # a column of all v (nodes, n), and its factor
 _Term = tuple[int, float]
-# relative room above the image of the tube, least first: a proof needs some
-_MARGINS = (2e-4, 2e-3, 1e-2)
+MARGINS = (2e-4, 2e-3, 1e-2)
 _ROUNDS, _SWEEPS = 25, 2
 # rounds without a positive solution after which a graph is given up
 _MOST_UNSTABLE, _JUMP = 12, 8.0
@@ -26,13 +25,15 @@ _LOWERED, _LEAST_CHANGE = 8, 1e-3
 
 
 def proposed_tubes(
-    graph: Graph, added: Matrix, budget: TimeBudget = UNLIMITED
+    graph: Graph, added: Matrix, budget: TimeBudget = UNLIMITED,
+    margins: Sequence[float] = MARGINS,
 ) -> Iterator[Matrix]:  # fmt: skip
     """Tubes v (nodes, n) that floats confirm, the narrowest first; none where none was found.
 
-    added (n,) > 0: what every entry has at least, beside what inputs make of it.
+    added (n,) > 0: what every entry has at least, beside what inputs make of it; margins: relative
+    room above the image of the tube, least first: a proof needs some.
     """
-    for margin in _MARGINS:
+    for margin in margins:
         if (v := _Search(graph.floats, margin, added).fixed_point(budget)) is None:
             return  # more room makes it harder
         yield v
@@ -54,7 +55,7 @@ class _Search:
 
     def __init__(self, floats: FloatGraph, margin: float, added: Matrix) -> None:
         self.floats, self.margin, self.added = floats, margin, added
-        self.nodes, self.n = len(floats.graph.nodes), len(floats.f)
+        self.nodes, self.n = len(floats.graph.nodes), floats.graph.n
 
     def fixed_point(self, budget: TimeBudget) -> Matrix | None:
         """The least fixed point; None where it diverges or is not reached."""
@@ -125,7 +126,7 @@ class _Search:
     def _active(self, passage: Passage, entry: int, values: Values) -> tuple[list[_Term], float]:
         """What a passage leads to in an entry, as an affine map of all v: its terms, a constant."""
         grid, start = (
-            self.floats.grid(passage.low, passage.high, passage.held),
+            self.floats.grid(passage.key),
             values.start(passage),
         )
         k = int(np.argmax(grid.flows[:, entry] @ start + grid.pushes[:, entry]))

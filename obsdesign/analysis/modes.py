@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,9 +11,11 @@ from lmi.arithmetic.balls import Exact
 from lmi.modes import Modes
 from obsdesign.analysis.served import require_served
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
+from obsdesign.entries import missing_entry
 from obsdesign.equations.modes import ModeSpan, following_places
 from obsdesign.kinds import kind_named
 from obsdesign.problem.modes import spans_of
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 
 FORMS = ("cooperative", "split")
@@ -38,14 +41,34 @@ def reason_against_modes(problem: Problem) -> str | None:
             allowed = ", ".join(taken.options)
             return f"observer.{name} is not available with [[mode]]; {allowed} is."
     for name in problem.gains:
-        if name != "L":
+        if name.rpartition(".")[2] != "L":
             return f"observer.gains.{name} is not available with [[mode]]; L is."
+    if reason := _reason_against_events(plant, kind):
+        return reason
     if kind != "interval":
         return None
     form = problem.options.to_document().get("form", "auto")
     if form not in (*FORMS, "auto"):
         return f"observer.form must be {' or '.join(FORMS)} with [[mode]]; got {form!r}."
     return reason_against_unbounded(plant, kind) or problem.reason_without_noise_bound()
+
+
+def _reason_against_events(plant: Plant, kind: str) -> str | None:
+    """Reason against the events of a plant with modes, one sentence, or None."""
+    for event in plant.events:
+        if event.dwell_time is None:
+            return missing_entry(f"{event.entry}.every", "[[mode]]")
+        if not event.dwell_time[0] > 0:
+            return (
+                f"{event.entry}.every: the shortest time must be > 0 with [[mode]], or any number "
+                f"may happen in one stay; got {event.dwell_time[0]:g}."
+            )
+        if kind != "interval" and not np.array_equal(event.G, np.eye(plant.n)):
+            return (
+                f"{event.entry}.G must be the identity for kind {kind!r} with [[mode]]. Kind "
+                "interval takes others."
+            )
+    return None
 
 
 def graph_of(
@@ -65,9 +88,14 @@ def graph_of_spans(
 
 
 def stays_text(problem: Problem) -> str:
-    """The stays of all modes in words: "open [2.0, 10.0], closed [1.0, inf)"."""
+    """Stays and events in words: "open [2.0, 10.0], closed [1.0, inf) and stroke 5.0 apart"."""
     words = []
     for mode in problem.plant.modes:
         low, high = mode.every
         words.append(f"{mode.name} [{low!r}, {'inf)' if np.isinf(high) else f'{high!r}]'}")
-    return ", ".join(words)
+    stays, events = ", ".join(words), []
+    for event in problem.plant.events:
+        shortest, _ = event.dwell_time or (0.0, math.inf)
+        where = "" if event.modes is None else f" in {' and '.join(event.modes)}"
+        events.append(f"event {event.name}{where} at least {shortest!r} apart")
+    return ", ".join([stays, *events])

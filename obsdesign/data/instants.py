@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.discrete_times import on_steps, require_steps
-from obsdesign.data.jump_times import jump_times, random_spacings
+from obsdesign.data.event_times import event_times
+from obsdesign.data.jump_times import random_spacings
 from obsdesign.data.mode_times import ModeTimes, longest_stay, mode_times
 from obsdesign.errors import InputError
 from obsdesign.problem.clocks import Event, Every, Sensor
@@ -91,7 +92,8 @@ def instants_of(
         names = ", ".join(event.name for event in plant.events)
         raise InputError(f"dwell must be random or shortest for several events ({names}).")
     dt = plant.flow.dt
-    events = [jump_times(event, dwell, until, rng, dt) for event in plant.events]
+    # events of a plant with modes come at times that depend on its changes of mode
+    events = [] if plant.modes else event_times(plant, dwell, until, rng)
     spacing = _default_step(plant, until) if step is None else step
     # a sample that is due at the last step may be drawn a little after it
     samples = [_sample_times(sensor, until + (dt or 0.0), rng) for sensor in plant.sensors]
@@ -100,6 +102,7 @@ def instants_of(
     # of several clocks t = 0 is a row, where nothing has happened yet
     grid = _grid(spacing, until) if has_grid else np.zeros(0 if plant.has_one_clock else 1)
     changes = mode_times(plant.modes, dwell, until, rng) if plant.modes else None
+    events = events if changes is None else event_times(plant, dwell, until, rng, changes)
     listed = [*events, *samples, np.zeros(0) if changes is None else changes.times, grid]
     listed = listed if dt is None else _on_steps(listed, dt, spacing, until)
     times, rows = _merged(listed, _SAME_INSTANT * spacing)

@@ -25,6 +25,20 @@ def jump_times(
 
     dt: step of a plant in discrete time. InputError for dwell times between its steps.
     """
+    times, t = [], 0.0
+    for theta in spacings_of(event, dwell, until, rng, dt):
+        t += theta
+        if t > until * (1 + 1e-12):
+            break
+        times.append(t)
+    return np.array(times)
+
+
+def spacings_of(
+    event: Jump, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator,
+    dt: float | None = None,
+) -> Iterable[float]:  # fmt: skip
+    """Times between jumps, as for `jump_times`."""
     spacing = _spacings(event, dwell, until, rng)
     if dt is not None:
         for theta in [dwell] if isinstance(dwell, int | float) else dwell:
@@ -34,13 +48,7 @@ def jump_times(
         ends = (low, high, event.dwell_jitter)
         if isinstance(dwell, str):
             spacing = whole_spacings(spacing, ends, dt)
-    times, t = [], 0.0
-    for theta in spacing:
-        t += theta
-        if t > until * (1 + 1e-12):
-            break
-        times.append(t)
-    return np.array(times)
+    return spacing
 
 
 def _spacings(

@@ -143,8 +143,7 @@ def _trajectory(
     sources: the signals of each mode, none where there are no modes.
     """
     plant, n, changes = source.plant, len(x), instants.modes
-    # a row's measurement belongs to the mode before
-    after = plant.sees_after & (changes is None)
+    after = plant.sees_after
     truth, outputs, events = [], [], []
     cache: dict[tuple[int, float], Matrix] = {}
     now, late = 0.0, instants.late_events()
@@ -165,8 +164,6 @@ def _trajectory(
                 cache[mode, h] = expm(own.generator * h)[:n]
             x = cache[mode, h] @ own.extended(x, k, now)
         before = x
-        if following[k] != mode:
-            x = _entered(x, plant.modes[following[k]].entry_map)
         happening = np.flatnonzero(at_rows[k]).tolist()
         for event in happening:
             x = np.asarray(plant.events[event].G @ x + source.jump(k, event))
@@ -174,6 +171,9 @@ def _trajectory(
             events.append([t, *source.weights_of(k, happening)])
         C = own.plant.outputs.C
         clean = np.where(after, C @ x, C @ before)
+        # a row's measurement and events belong to the mode before
+        if following[k] != mode:
+            x = _entered(x, plant.modes[following[k]].entry_map)
         y = own.measurement(clean, k, t, instants.is_measured[k])
         outputs.append(senders.sent(y, t, times[k + 1] if k + 1 < len(times) else t))
         truth.append(x)

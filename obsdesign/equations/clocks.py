@@ -19,7 +19,7 @@ class EventGains(Stored):
     G (n, n); E (n, l); lower, upper (k,): of c, or of u where disturbance_matrix W (n, k) is given;
     dwell_time: (shortest, longest) time since the last event of this name, None for any.
     time_error: largest time between it and its stamp, None for zero; input_bound (l,): of |w|, for
-    widths alone.
+    widths alone; modes: names of those in which alone it happens, joined by "+", None for any.
     """
 
     name: str = text()
@@ -31,6 +31,7 @@ class EventGains(Stored):
     dwell_time: Array | None = matrix(2, optional=True)
     time_error: float | None = number(optional=True)
     input_bound: Array | None = matrix("l", optional=True)
+    modes: str | None = text(optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -47,12 +48,28 @@ class EventGains(Stored):
             name=event.name, G=event.G, E=event.E, lower=event.lower, upper=event.upper,
             disturbance_matrix=event.disturbance_matrix, dwell_time=dwell_time,
             time_error=event.stamp_error or None, input_bound=event.largest_input,
+            modes=None if event.modes is None else "+".join(event.modes),
         )  # fmt: skip
 
     @property
     def inputs(self) -> int:
         """Number of known inputs w."""
         return 0 if self.E is None else int(self.E.shape[1])
+
+    @property
+    def dwell_range(self) -> tuple[float, float]:
+        """(shortest, longest) time since the last one; (0, inf) where every one is allowed."""
+        low, high = (0.0, math.inf) if self.dwell_time is None else self.dwell_time
+        return float(low), float(high)
+
+    @property
+    def changes_state(self) -> bool:
+        """Is its map other than the identity?"""
+        return not np.array_equal(self.G, np.eye(len(self.G)))
+
+    def may_happen(self, mode: str) -> bool:
+        """May it happen in a mode?"""
+        return self.modes is None or mode in self.modes.split("+")
 
     @property
     def disturbance(self) -> tuple[Array, Array, Array]:
@@ -94,13 +111,18 @@ class SensorGains(Stored):
         )  # fmt: skip
 
 
+def events_of(plant: Plant) -> tuple[EventGains, ...]:
+    """The events of a plant, as a design stores them."""
+    return tuple(EventGains.from_event(event) for event in plant.events)
+
+
 def clock_data(plant: Plant) -> NewEntries:
     """The numbers of a plant with several clocks that a design stores.
 
     Its outputs are those of all sensors, one above the other; `jump_measurement` is of each sensor.
     """
     outputs = plant.outputs
-    events = [EventGains.from_event(event).to_document() for event in plant.events]
+    events = [event.to_document() for event in events_of(plant)]
     sensors = [SensorGains.from_sensor(sensor).to_document() for sensor in plant.sensors]
     data: NewEntries = flow_data(plant) | {"C": outputs.C, "sensors": sensors}
     data |= {"events": events} if events else {}

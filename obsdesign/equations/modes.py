@@ -1,4 +1,4 @@
-"""Gains of an observer of modes: those of each mode, its stays, and what can follow."""
+"""Gains of an observer of modes: those of each mode, its stays, what can follow, its events."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from lmi.arithmetic.arrays import Array, Entries, NewEntries
+from obsdesign.equations.clocks import EventGains
 from obsdesign.equations.gains import PlantGains, Stored, matrix, text
 
 ModeGains = TypeVar("ModeGains", bound=PlantGains)
@@ -36,16 +37,17 @@ class ModeSpan(Stored):
 
 @dataclass(frozen=True)
 class SwitchedGains(Generic[ModeGains]):
-    """Modes in the order of the problem, with the gains of each.
+    """Modes in the order of the problem, with the gains of each, and events within modes.
 
     Gains of a mode with a map on entry have it as their jump G.
     """
 
     spans: tuple[ModeSpan, ...]
     gains: tuple[ModeGains, ...]
+    events: tuple[EventGains, ...] = ()
 
     def __post_init__(self) -> None:
-        """ValueError unless modes differ in name, follow each other, and are of one size."""
+        """ValueError unless modes differ in name, follow each other, and all are of one size."""
         names = [span.name for span in self.spans]
         if len(names) < 2 or len(set(names)) < len(names):
             raise ValueError("gains.modes must be two modes or more that differ in name.")
@@ -54,6 +56,11 @@ class SwitchedGains(Generic[ModeGains]):
         sizes = {(own.n, own.p, own.columns["u"]) for own in self.gains}
         if len(sizes) > 1:
             raise ValueError("gains.modes must agree in the numbers of states, outputs and inputs.")
+        if any(len(event.G) != own.n for event in self.events for own in self.gains):
+            raise ValueError("gains.events must have one row per state.")
+        for event in self.events:
+            if event.modes is not None and not set(event.modes.split("+")) <= set(names):
+                raise ValueError("gains.events: modes must hold names of modes.")
 
     @classmethod
     def from_document(cls, entries: Entries, kind: type[ModeGains]) -> SwitchedGains[ModeGains]:
@@ -62,17 +69,25 @@ class SwitchedGains(Generic[ModeGains]):
         return cls(
             tuple(ModeSpan.from_document(own) for own in listed),
             tuple(kind.from_document(own) for own in listed),
+            tuple(EventGains.from_document(own) for own in event_entries(entries)),
         )
 
     def to_document(self) -> NewEntries:
         """Entries of a design file."""
         pairs = zip(self.spans, self.gains, strict=True)
-        return {"modes": [span.to_document() | own.to_document() for span, own in pairs]}
+        modes = [span.to_document() | own.to_document() for span, own in pairs]
+        events = [event.to_document() for event in self.events]
+        return {"modes": modes} | ({"events": events} if events else {})
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the modes."""
         return tuple(span.name for span in self.spans)
+
+    @property
+    def sees_after(self) -> bool:
+        """Does the sensor see the state after an event?"""
+        return self.gains[0].jump_measurement == "after"
 
     @property
     def following(self) -> tuple[tuple[int, ...], ...]:
@@ -88,7 +103,16 @@ def following_places(spans: Sequence[ModeSpan]) -> tuple[tuple[int, ...], ...]:
 
 def mode_entries(entries: Entries) -> list[Entries]:
     """The tables of all modes in a design's gains; ValueError where there are none."""
-    listed = entries.get("modes")
+    return _tables(entries, "modes")
+
+
+def event_entries(entries: Entries) -> list[Entries]:
+    """The tables of all events in a design's gains, maybe none; ValueError where they are none."""
+    return _tables(entries, "events") if "events" in entries else []
+
+
+def _tables(entries: Entries, name: str) -> list[Entries]:
+    listed = entries.get(name)
     if not isinstance(listed, list | tuple) or not all(isinstance(x, Mapping) for x in listed):
-        raise ValueError("gains.modes must be a list of tables.")
+        raise ValueError(f"gains.{name} must be a list of tables.")
     return list(listed)

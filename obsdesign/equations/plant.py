@@ -99,6 +99,10 @@ class Jump(Disturbed, Protocol):
         """Bound of |w| of each known input (l,), None where none is stated."""
 
     @property
+    def modes(self) -> tuple[str, ...] | None:
+        """Names of the modes in which alone it happens, None for any."""
+
+    @property
     def c_bounds(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) bounds of c, (n,) each."""
 

@@ -110,10 +110,10 @@ def page(
 
 
 def _matrices(gains: Entries) -> Entries:
-    """The matrices among gains; those of modes with the name of their mode."""
+    """The matrices among gains; those of modes and of their events with its name."""
     listed = dict(gains)
-    for mode in listed.pop("modes", ()):
-        listed |= {f"{name} ({mode['name']})": value for name, value in mode.items()}
+    for block in (*listed.pop("modes", ()), *listed.pop("events", ())):
+        listed |= {f"{name} ({block['name']})": value for name, value in block.items()}
     return {name: value for name, value in listed.items() if _is_matrix(value)}
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
@@ -13,7 +11,7 @@ from obsdesign.column_names import signal_columns
 from obsdesign.entries import is_number, matrix, positive, real, shown, vector
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import set_fields
-from obsdesign.problem.names import NAME_SCHEMA, RESERVED, check_name
+from obsdesign.problem.names import MODE_NAMES, NAME_SCHEMA, check_name
 from obsdesign.problem.noise import noise_numbers
 from obsdesign.problem.output import IRREGULAR, Output
 from obsdesign.problem.plant import Jump
@@ -39,8 +37,8 @@ class Event(Jump):
     name: of its column in data; every: that time as a number, or (shortest, longest), None where it
     is not stated; dwell_time follows from it; report_delay: longest time until it is known;
     time_error: it happens within that time of its stamp, before or after it, and `every` is of the
-    stamps; input_bound: largest |w| of each known input, for claims about widths alone. Otherwise
-    as `Jump`.
+    stamps; input_bound: largest |w| of each known input, for claims about widths alone; modes:
+    names of those in which alone it happens, None for any. Otherwise as `Jump`.
     """
 
     name: str = file_entry(NAME_SCHEMA, "Name of the event, and of its column in data.")
@@ -58,6 +56,9 @@ class Event(Jump):
     input_bound: Matrix | None = file_entry(
         ref("vector"), "l: largest |w| of each known input, for claims about widths.", default=None
     )
+    modes: tuple[str, ...] | None = file_entry(
+        MODE_NAMES, "Modes in which alone it happens; default any.", default=None
+    )
     trigger: dict[str, Matrix] | None = file_entry(
         TRIGGER, "Refused: an event that the estimate triggers at surface x = const, in a state.",
         default=None,
@@ -70,7 +71,8 @@ class Event(Jump):
         self.check_map()
         ends = _range(self.every, f"{self.entry}.every")
         every = ends[0] if ends is not None and is_number(self.every) else ends
-        set_fields(self, every=every, dwell_time=ends, dwell_jitter=math.inf)
+        modes = None if self.modes is None else tuple(self.modes)
+        set_fields(self, every=every, dwell_time=ends, dwell_jitter=math.inf, modes=modes)
         _check_delay(self)
         self._check_error()
 
@@ -270,35 +272,3 @@ def _range(values: Value, entry: str) -> tuple[float, float] | None:
         positive(real(values, entry), entry)
         return time_range((values, values), entry, "time")
     return time_range(values, entry, "time")
-
-
-def check_clocks(events: Sequence[Event], sensors: Sequence[Sensor]) -> None:
-    """InputError where names meet, or a sensor is read at an event that is none."""
-    titles = Counter[str]()
-    for event in events:
-        titles.update(event.columns)
-    for sensor in sensors:
-        titles.update(sensor.columns)
-    for title, count in titles.items():
-        if count > 1:
-            raise InputError(
-                f"events and sensors must differ in name; column {title!r} is doubled."
-            )
-        if RESERVED.fullmatch(title):
-            raise InputError(
-                f"column {title!r} of an event or sensor has the name of another column."
-            )
-    names = [event.name for event in events]
-    for sensor in sensors:
-        if sensor.at is not None and sensor.at not in names:
-            raise InputError(
-                f"{sensor.entry}.at must be the name of an event ({', '.join(names) or 'none'}); "
-                f"got {sensor.at!r}."
-            )
-    uncertain = [event.name for event in events if event.time_error]
-    for sensor in sensors:
-        if sensor.at in uncertain:
-            raise InputError(
-                f"{sensor.entry}.at must be an event whose time is known; {sensor.at!r} has "
-                "time_error. A sensor that is read at a known time has `every`."
-            )

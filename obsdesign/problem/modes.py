@@ -13,7 +13,7 @@ from obsdesign.entries import is_number, matrix, positive, real, require_shape, 
 from obsdesign.equations.modes import ModeSpan
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import Block, set_fields
-from obsdesign.problem.names import NAME_SCHEMA, check_name
+from obsdesign.problem.names import MODE_NAMES, NAME_SCHEMA, check_name
 from obsdesign.problem.schema import file_entry, ref
 from obsdesign.problem.time_ranges import time_range
 
@@ -25,7 +25,6 @@ _GAINS = {
     "properties": {"L": ref("gain_matrix")},
     "additionalProperties": False,
 }
-_NAMES = {"type": "array", "items": {"type": "string"}, "title": "a list of names of modes"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,7 +49,7 @@ class Mode(Block):
         ref("every"), "Length of a stay: a number, or [shortest, longest]; the longest may be inf."
     )
     next: tuple[str, ...] | None = file_entry(
-        _NAMES, "Modes that can follow; default any other.", default=None
+        MODE_NAMES, "Modes that can follow; default any other.", default=None
     )
     G: Matrix | None = file_entry(
         ref("matrix"), "n x n: x+ = G x on entry; default identity.", default=None
@@ -116,16 +115,8 @@ class Mode(Block):
         return self.G
 
 
-def check_modes(modes: Sequence[Mode], jumps: str | None) -> None:
-    """InputError where names meet, or a mode names one that is none, or ends without another.
-
-    jumps: the block of jumps, which is not mixed with modes; None without any.
-    """
-    if jumps is not None:
-        raise InputError(
-            f"[[mode]] may not be mixed with {jumps} in this version; a map at changes of mode is "
-            f"{modes[0].entry}.G."
-        )
+def check_modes(modes: Sequence[Mode]) -> None:
+    """InputError where names meet, or a mode names one that is none, or ends without another."""
     names = [mode.name for mode in modes]
     if len(names) < 2:
         raise InputError(

@@ -10,6 +10,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 # titles of other columns: time, numbered signals, their bounds, words of the format
 RESERVED = re.compile(r"t|[a-z]\d+(_.*)?|jump|event|mode|status|received")
 NAME_SCHEMA = {"type": "string", "title": "a name: small letters, digits and _"}
+MODE_NAMES = {"type": "array", "items": {"type": "string"}, "title": "a list of names of modes"}
 
 
 def check_name(name: str, block: str) -> None:

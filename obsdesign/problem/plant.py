@@ -71,8 +71,9 @@ class Jump(DisturbedBlock):
     disturbance_matrix: Matrix | None = file_entry(
         ref("matrix"), "n x k: c = W w, and disturbance bounds w.", default=None
     )
-    stamp_error: float = field(default=0.0, init=False)  # of events: `time_error`, `input_bound`
+    stamp_error: float = field(default=0.0, init=False)  # of events, as the next two
     largest_input: Matrix | None = field(default=None, init=False)
+    modes: tuple[str, ...] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.check_map()
@@ -133,7 +134,7 @@ class Plant:
     """Flow, events and sensors of n states and p measurements, those of all sensors together.
 
     jump: one jump, its several events, or None: the plant never jumps; output: one, or several
-    sensors; modes: flows that take turns, then without jumps, none by default. InputError where
+    sensors; modes: flows that take turns, none by default. InputError where
     their sizes differ, or y is measured at jumps and there are none.
     """
 
@@ -169,6 +170,7 @@ class Plant:
                 raise InputError(f"{sensor.entry}.sends_on_change is not available with flow.dt.")
         if modes:
             self._check_modes()
+        self._check_modes_of_events()
         if self.uncertain_events:
             self._check_uncertain_times(f"event.{self.uncertain_events[0]}.time_error")
 
@@ -183,8 +185,13 @@ class Plant:
         flow, sensors = self.flow, self.sensors
         if flow.dt is not None:
             raise InputError("[[mode]] is not available with flow.dt in this version.")
-        jumps = "[[event]]" if self.has_tables else "[jump]"
-        check_modes(self.modes, jumps if self.events else None)
+        if self.events and not self.has_tables:
+            raise InputError(
+                "[[mode]] may not be mixed with [jump]; write the jump as [[event]], which may "
+                "state its modes, and [output] as [[sensor]]. A map at changes of mode is "
+                f"{self.modes[0].entry}.G."
+            )
+        check_modes(self.modes)
         m = 0 if flow.B is None else flow.B.shape[1]
         for mode in self.modes:
             if mode.C is not None and len(sensors) > 1:
@@ -192,10 +199,28 @@ class Plant:
             mode.check_sizes(self.n, self.p, m, len(flow.lower))
             self.in_mode(self.modes.index(mode))
 
+    def _check_modes_of_events(self) -> None:
+        """InputError for an event in modes that the plant does not have, or in none."""
+        names = [mode.name for mode in self.modes]
+        for event in self.events:
+            entry = f"{event.entry}.modes"
+            if event.modes is not None and not names:
+                raise InputError(f"{entry} requires [[mode]]; there are none.")
+            for k, name in enumerate(event.modes or ()):
+                if name not in names or name in (event.modes or ())[:k]:
+                    listed = ", ".join(names)
+                    raise InputError(
+                        f"{entry} must name modes ({listed}), once each; got {name!r}."
+                    )
+            if event.modes == ():
+                raise InputError(f"{entry} must name a mode; got none.")
+            if names and event.stamp_error:
+                raise InputError(f"{event.entry}.time_error is not available with [[mode]].")
+
     def in_mode(self, place: int, *, entered: bool = False) -> Plant:
         """The plant as it is in one mode, without any change of it.
 
-        entered: with the map on entry, where there is one, as its jump.
+        entered: with the map on entry, where there is one, in place of all events.
         """
         mode, flow, sensors = self.modes[place], self.flow, self.sensors
         own = {key: getattr(mode, key) for key in ("A", "B", "lower", "upper")}
@@ -204,8 +229,9 @@ class Plant:
             flow = replace(flow, **stated)
             if mode.C is not None:
                 sensors = (replace(sensors[0], C=mode.C),)
-        jump = None if not entered or mode.entry_map is None else Jump(G=mode.entry_map)
-        return Plant(flow, jump, sensors)
+        if not entered:
+            return Plant(flow, [replace(event, modes=None) for event in self.events], sensors)
+        return Plant(flow, None if mode.entry_map is None else Jump(G=mode.entry_map), sensors)
 
     @property
     def jump(self) -> Jump | None:

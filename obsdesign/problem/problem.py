@@ -20,7 +20,8 @@ from obsdesign.entries import missing_entry
 from obsdesign.errors import DoesNotApply, InputError, naming
 from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
-from obsdesign.problem.clocks import Event, Sensor, check_clocks
+from obsdesign.problem.clock_checks import check_clocks
+from obsdesign.problem.clocks import Event, Sensor
 from obsdesign.problem.file import read_problem_file
 from obsdesign.problem.flow import Flow
 from obsdesign.problem.modes import Mode

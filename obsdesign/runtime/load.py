@@ -158,8 +158,10 @@ def _same_modes(design: Design) -> None:
     flow, output = (blocks.get(name, {}) for name in ("flow", "output"))
     if isinstance(stated, list) and isinstance(listed, list) and len(stated) == len(listed):
         pairs = list(zip(listed, stated, strict=True))
+    events, given = design.problem.get("event", []), design.gains.get("events", [])
     tables = [flow, output, *(x for pair in pairs for x in pair)]
     is_same = bool(pairs) and all(isinstance(x, dict) for x in tables)
+    is_same = is_same and _same_events(given, events)
     if is_same:
         names = [str(mode.get("name")) for _, mode in pairs]
         is_same = all(
@@ -172,6 +174,35 @@ def _same_modes(design: Design) -> None:
             "gains.modes differ from problem.mode; `obsdesign verify` refutes it. Was the file put "
             "together by hand?"
         )
+
+
+def _same_events(given: Value, stated: Value) -> bool:
+    """Are these the events that a problem states, in its order?"""
+    if not isinstance(given, list) or not isinstance(stated, list) or len(given) != len(stated):
+        return False
+    if not all(isinstance(x, dict) for x in (*given, *stated)):
+        return False
+    return all(
+        same(jsonable(own.get(name)), jsonable(wanted))
+        for own, event in zip(given, stated, strict=True)
+        for name, wanted in _stated_of_event(event).items()
+    )
+
+
+def _stated_of_event(event: Entries) -> Entries:
+    """Gains of an event that repeat its entries, and what a problem states there."""
+    every, modes, box = event.get("every"), event.get("modes"), event.get("disturbance")
+    ends = box if isinstance(box, dict) else {}
+    return {
+        "name": event.get("name"),
+        "G": event.get("G"),
+        "E": event.get("E"),
+        "lower": ends.get("lower"),
+        "upper": ends.get("upper"),
+        "disturbance_matrix": event.get("disturbance_matrix"),
+        "dwell_time": every if isinstance(every, list) or every is None else [every, every],
+        "modes": "+".join(map(str, modes)) if isinstance(modes, list) else None,
+    }
 
 
 def _stated_of_mode(mode: Entries, flow: Entries, output: Entries, names: list[str]) -> Entries:

@@ -13,8 +13,9 @@ from lmi.prove.modes_proof import prove_modes
 from lmi.refute.stays import refute_lasting, refute_stays
 from lmi.verdict import Verdict, overall, undecided
 from obsdesign.analysis.modes import reason_against_modes
-from obsdesign.document import Claim
-from obsdesign.equations.modes import ModeGains, SwitchedGains, mode_entries
+from obsdesign.document import Claim, jsonable, same
+from obsdesign.equations.clocks import events_of
+from obsdesign.equations.modes import ModeGains, SwitchedGains, event_entries, mode_entries
 from obsdesign.problem.modes import spans_of
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains, inconsistent
@@ -34,13 +35,16 @@ def consistent_modes(
     """Claim that `stored` holds the gains of the problem's modes; typed where it is proved."""
     if objection := reason_against_modes(problem):
         return inconsistent(objection), None
-    spans = spans_of(problem.plant.modes)
+    spans, events = spans_of(problem.plant.modes), events_of(problem.plant)
+    names = {"modes", "events"} if events else {"modes"}
     try:
-        listed = mode_entries(stored)
-        if set(stored) != {"modes"} or len(listed) != len(spans):
-            raise ValueError(f"gains must hold {len(spans)} modes, and nothing else")
+        listed, stated = mode_entries(stored), event_entries(stored)
+        if set(stored) != names or len(listed) != len(spans):
+            raise ValueError(f"gains must hold {len(spans)} modes, {len(events)} events, no more")
     except ValueError as error:
         return inconsistent(str(error)), None
+    if not same(jsonable(stated), jsonable([event.to_document() for event in events])):
+        return inconsistent("gains.events differ from what the problem says"), None
     claim: Claim | None = None
     for k, (span, own) in enumerate(zip(spans, listed, strict=True)):
         entries = {name: _as_array(value) for name, value in own.items()}
@@ -86,14 +90,14 @@ def in_all_modes(names: Sequence[str], claims: Sequence[Claim]) -> Claim:
 
 
 def stability_claim(
-    modes: Modes, certificate: Entries, what: str, paranoid: bool, name: str = STABILITY
-) -> Claim:
+    verdict: Verdict, what: str, source: str = SOURCE, name: str = STABILITY
+) -> Claim:  # fmt: skip
     """Claim that `what` tends to zero along all paths of the modes."""
     return Claim.from_verdict(
         name,
         f"{what} tends to zero for all sequences of modes and stays that the problem allows",
-        SOURCE,
-        mode_stability(modes, certificate, paranoid),
+        source,
+        verdict,
     )
 
 

@@ -3,8 +3,9 @@
     python -m tests.long.random_modes [PLANTS] [FIRST_SEED]
 
 Random plants (n = 1..3, two or three modes, some with maps on entry, outputs, inputs and disturbances
-of their own), disturbances at corners, random and sines, one sample in ten missing. Prints rows and
-rows outside; exits with 1 on one of them, or on a proved design that does not verify.
+of their own; every second one has one or two events, of which some happen in some modes alone),
+disturbances at corners, random and sines, one sample in ten missing. Prints rows and rows outside;
+exits with 1 on one of them, or on a proved design that does not verify.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.workflow import investigate, verify
-from tests.systems.switched import random_switched
+from tests.systems.switched import random_strokes, random_switched
 
 # the simulated truth is rounded, relative to the size of the state
 _ROUNDING = 1e-12
@@ -37,8 +38,9 @@ def rows_outside(problem: Problem, rng: np.random.Generator) -> tuple[int, int, 
         y, x = run.block("y").copy(), run.block("x")
         y[rng.random(len(y)) < 0.1] = np.nan
         batch = observer.run_batch(
-            run.t, y, run.block("u"), mode=run.mode, lower=x[0] - 1, upper=x[0] + 0.5
-        )
+            run.t, y, run.block("u"), run.block("w"), run.happened, mode=run.mode,
+            lower=x[0] - 1, upper=x[0] + 0.5,
+        )  # fmt: skip
         room = _ROUNDING * (1 + np.abs(x))
         inside = ((batch.lower <= x + room) & (x - room <= batch.upper)).all(axis=1)
         rows, outside = rows + len(x), outside + int((~inside).sum())
@@ -50,7 +52,8 @@ def main(plants: int = 100, first: int = 0) -> int:
     rows = outside = proved = 0
     for seed in range(first, first + plants):
         rng = np.random.default_rng(seed)
-        own, bad, verdict = rows_outside(random_switched(rng, "interval"), rng)
+        drawn = random_strokes if seed % 2 else random_switched
+        own, bad, verdict = rows_outside(drawn(rng, "interval"), rng)
         rows, outside, proved = rows + own, outside + bad, proved + (verdict == "proved")
         if bad:
             print(f"seed {seed}: {bad} rows outside ({verdict})")

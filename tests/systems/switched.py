@@ -14,18 +14,51 @@ from obsdesign.problem.problem import Problem
 VALVE = Path(__file__).parents[2] / "examples" / "valve.toml"
 
 
-def valve(*, longest_closed: float = 10.0, **observer: object) -> Problem:
+def valve(
+    *, longest_closed: float = 10.0, strokes: bool = False, **observer: object
+) -> Problem:  # fmt: skip
     """The valve, closed for at most so long; observer: entries of [observer] in place of its own.
 
-    Gains of the modes are left out where the observer is replaced.
+    Gains of the modes are left out where the observer is replaced. strokes: with those of the pump.
     """
     body = copy.deepcopy(obsdesign.load_problem(VALVE).to_dict())
+    if not strokes:
+        del body["event"]
     body["mode"][1]["every"] = [1.0, longest_closed]
     if observer:
         body["observer"] = observer
         for mode in body["mode"]:
             del mode["gains"]
     return Problem.from_dict(body)
+
+
+def random_strokes(rng: np.random.Generator, kind: str) -> Problem:
+    """One of `random_switched` with one or two events, some of them in some of its modes alone.
+
+    For point observers maps of events are the identity.
+    """
+    body = random_switched(rng, kind).to_dict()
+    output, n, names = body.pop("output"), len(body["flow"]["A"]), [m["name"] for m in body["mode"]]
+    sensor = {"name": "level", "C": output["C"], "noise_bound": output["noise_bound"]}
+    body["sensor"] = [
+        sensor | {"every": "continuous", "sees": str(rng.choice(["before", "after"]))}
+    ]
+    events: list[dict[str, Any]] = []
+    for name in ("stroke", "refill")[: int(rng.integers(1, 3))]:
+        event: dict[str, Any] = {
+            "name": name,
+            "every": [rng.uniform(0.3, 2), rng.choice([5.0, np.inf])],
+        }
+        if rng.random() < 0.6:
+            event["modes"] = names[: int(rng.integers(1, len(names) + 1))]
+        if rng.random() < 0.4 and kind == "interval":
+            event["G"] = np.eye(n) + 0.1 * rng.normal(size=(n, n))
+        if rng.random() < 0.5:
+            event["E"] = rng.normal(size=(n, int(rng.integers(1, 3))))
+        if rng.random() < 0.7:
+            event["disturbance"] = {"lower": np.full(n, -0.1), "upper": np.full(n, 0.2)}
+        events.append(event)
+    return Problem.from_dict(body | {"event": events})
 
 
 def random_switched(rng: np.random.Generator, kind: str) -> Problem:

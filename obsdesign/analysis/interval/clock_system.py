@@ -63,8 +63,7 @@ class ClockSystem:
 
     def dwell(self, event: int) -> tuple[float, float]:
         """(shortest, longest) time between two events of a name."""
-        ends = self.gains.events[event].dwell_time
-        return (0.0, math.inf) if ends is None else (float(ends[0]), float(ends[1]))
+        return self.gains.events[event].dwell_range
 
     def longest_silence(self, sensor: int, age: Fraction) -> Fraction:
         """Longest time without a sample after an event, where the last one is so old there."""

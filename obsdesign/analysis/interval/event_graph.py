@@ -68,7 +68,7 @@ def stability_graph(
     """
     events = [e for e in range(len(system.gains.events)) if system.counts(e)]
     whole = _whole(MarkGraph(system, events, cells), most) if events else _still(system)
-    return None if whole is None else replace(whole, graph=_homogeneous(whole.graph))
+    return None if whole is None else replace(whole, graph=whole.graph.without_inputs())
 
 
 def _whole(builder: MarkGraph, most: float) -> EventGraph | None:
@@ -83,12 +83,6 @@ def _whole(builder: MarkGraph, most: float) -> EventGraph | None:
     return EventGraph(graph, marks, builder.always() if isinstance(builder, TickGraph) else ())
 
 
-def _homogeneous(graph: Graph) -> Graph:
-    """The same without inputs."""
-    events = tuple(tuple(stage.homogeneous() for stage in stages) for stages in graph.events)
-    return Graph(graph.W, 0 * graph.f, events, graph.nodes)
-
-
 def _still(system: ClockSystem) -> EventGraph:
     """One node: all times of a plant without events."""
     n, events = len(system.f), [(system.sampled(k),) for k in system.counted]
@@ -100,5 +94,5 @@ def _still(system: ClockSystem) -> EventGraph:
     spans = [float(system.gap(k)) for k in system.counted] + (1 / diagonal[diagonal > 0]).tolist()
     span = Fraction(2.0 ** math.ceil(math.log2(max(spans, default=1.0))))
     strategies += held(n, (passage(0, None, (span, span)),), (0,), (True,) * n)
-    graph = Graph(system.W, system.f, tuple(events), (tuple(strategies),))
+    graph = Graph(((system.W, system.f),), tuple(events), (tuple(strategies),))
     return EventGraph(graph, (), (0,))

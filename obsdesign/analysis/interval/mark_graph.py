@@ -112,7 +112,8 @@ class MarkGraph:
             nodes.append([each for each in self.strategies(node) if each])
         events = [self.system.happened(kind) for kind in self.marks.kinds]
         events += [(self.system.sampled(k),) for k in self.system.counted]
-        return Graph(self.system.W, self.system.f, tuple(events), tuple(map(tuple, nodes)))
+        flow = (self.system.W, self.system.f)
+        return Graph((flow,), tuple(events), tuple(map(tuple, nodes)))
 
     def strategies(self, node: Node) -> list[Strategy]:
         """Strategies of a node."""

@@ -82,7 +82,7 @@ def _clocks(system: ClockSystem) -> list[_Clock] | str:
             return f"sensor {gains.sensors[k].name} has a time between two steps"
         clocks.append(_Clock(gap, 1, gap))
     for event in gains.events:
-        ends = (0.0, math.inf) if event.dwell_time is None else event.dwell_time.tolist()
+        ends = event.dwell_range
         first = steps_of(ends[0], gains.dt)
         due = None if math.isinf(ends[1]) else steps_of(ends[1], gains.dt)
         if not first or (math.isfinite(ends[1]) and due is None):

@@ -5,8 +5,6 @@ No stated time enters the bounds: a clock that is not kept voids claims about wi
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,15 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.clocks import EventGains, SensorGains
-from obsdesign.runtime.base import Sample, vector
+from obsdesign.equations.clocks import SensorGains
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.named_events import NamedEvents
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
-from obsdesign.runtime.jump import no_jumps
 from obsdesign.runtime.status import MISSING_SAMPLE
-
-# where no time between two events is stated
-_ANY = (0.0, math.inf)
 
 
 class Kept(NamedTuple):
@@ -35,50 +29,14 @@ class Kept(NamedTuple):
 
 
 @dataclass(frozen=True)
-class NamedClocks:
-    """The clocks of events and sensors; dt: step of discrete time, None for a flow."""
+class NamedClocks(NamedEvents):
+    """The clocks of events and sensors."""
 
-    events: Sequence[EventGains]
-    sensors: Sequence[SensorGains]
-    dt: float | None = None
+    sensors: Sequence[SensorGains] = ()
 
     def begin(self, t: float) -> Kept:
         """No event so far; the time since the last sample counts from t on."""
-        ends = [event.dwell_time for event in self.events]
-        guards = [DwellGuard(*(_ANY if end is None else end.tolist())) for end in ends]
-        return Kept(tuple(guards), (t,) * len(self.sensors))
-
-    def places(self, sample: Sample) -> tuple[int, ...]:
-        """Places of the events of a row; ValueError unless the plant has them."""
-        if not sample.jump and not sample.events:
-            return ()
-        names = [event.name for event in self.events]
-        if not names:
-            raise no_jumps()
-        if len(names) == 1 and not sample.events:
-            return (0,)
-        if not sample.events or not all(0 <= k < len(names) for k in sample.events):
-            raise ValueError(
-                f"events must be places among {', '.join(names)}, from 0; got {sample.events!r}."
-            )
-        places = tuple(int(k) for k in sample.events)
-        if self.dt is not None and any(b <= a for a, b in itertools.pairwise(places)):
-            raise ValueError(
-                f"events of a row must be in the order of the design in discrete time, each once; "
-                f"got {sample.events!r}."
-            )
-        return places
-
-    def inputs(self, sample: Sample, event: int) -> Matrix:
-        """Known inputs w of an event, which stand behind those of the events before it."""
-        counts = [each.inputs for each in self.events]
-        if sample.w is None:
-            return np.zeros(counts[event])
-        first = sum(counts[:event])
-        own = vector(sample.w, sum(counts), "w")[first : first + counts[event]]
-        if self.sensors and not np.isfinite(own).all():
-            raise ValueError(f"w of event {self.events[event].name} must be finite.")
-        return own
+        return Kept(self.first_guards(), (t,) * len(self.sensors))
 
     def after(
         self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int], *, started: bool = True
@@ -87,14 +45,9 @@ class NamedClocks:
 
         started: was there a row before?
         """
-        sentences, guards = list[str](), list[DwellGuard]()
-        for k, guard in enumerate(kept.guards):
-            following, violation = guard.after(t, k in events)
-            guards.append(following)
-            if violation is not None:
-                sentences.append(self._titled(self.events[k].name, violation))
+        guards, sentences = self.guarded(kept.guards, t, events)
         sentences += self._not_kept(kept, t, y, events)
-        return Kept(tuple(guards), self.sampled_at(kept.sampled, t, y)), sentences
+        return Kept(guards, self.sampled_at(kept.sampled, t, y)), sentences
 
     def sampled_at(self, sampled: Sequence[float], t: float, y: Matrix | None) -> tuple[float, ...]:
         """Times of the last samples after measurements y of time t."""
@@ -132,8 +85,8 @@ class NamedClocks:
                 )  # no step is left in which it could come
 
     def _titled(self, name: str, sentence: str) -> str:
-        """A sentence on an event or a sensor, with its name unless it is [jump] or [output]."""
-        is_block = name == "jump" or (name == "output" and len(self.sensors) == 1)
+        """A sentence on a sensor, with its name unless it is [output]."""
+        is_block = name == "output" and len(self.sensors) == 1
         return sentence if is_block else f"{name}: {sentence}"
 
     @cached_property

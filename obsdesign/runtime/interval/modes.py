@@ -43,15 +43,25 @@ class SwitchedIntervalObserver(SwitchedObserver[IntervalState, IntervalGains]):
     @cached_property
     def observers(self) -> tuple[IntervalObserver, ...]:
         """One observer for each mode."""
-        return tuple(map(IntervalObserver, self.gains.gains))
+        return tuple(map(self._observer, self.gains.gains))
+
+    def _observer(self, gains: IntervalGains) -> IntervalObserver:
+        """The observer of one mode, or of an event in it."""
+        return IntervalObserver(gains)
+
+    def _still(self, inner: IntervalState) -> IntervalState:
+        """The state of an observer, from which a row of the same time may follow."""
+        return inner._replace(started=False)
 
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> SwitchedInterval:
         """State at time t from bounds of x(t), before the first sample and its mode."""
-        return SwitchedInterval(t, self.observers[0].init(t, lower=lower, upper=upper))
+        inner = self.observers[0].init(t, lower=lower, upper=upper)
+        return SwitchedInterval(t, inner, guards=self._named.first_guards())
 
     def start(self, t: float, initial: Sequence[float] | None) -> SwitchedInterval:
         """State from x1_lo, x1_hi, x2_lo, ...; InputError if they are not bounds."""
-        return SwitchedInterval(t, self.observers[0].start(t, initial))
+        inner = self.observers[0].start(t, initial)
+        return SwitchedInterval(t, inner, guards=self._named.first_guards())
 
     def reset(
         self, state: SwitchedState[IntervalState], *, lower: ArrayLike, upper: ArrayLike
@@ -73,7 +83,7 @@ class SwitchedIntervalObserver(SwitchedObserver[IntervalState, IntervalGains]):
         if gains.G is None:
             return Entry(inner, estimate)
         guard = DwellGuard.from_gains(gains)
-        held = inner._replace(started=False, guard=guard)
+        held = self._still(inner)._replace(guard=guard)
         inner, jumped = self.observers[after].step(held, Sample(estimate.t, jump=True))
         # nothing is measured between the row's sample and the new mode: none is missing
         known = {JUMP, MISSING_SAMPLE, *(text for _, text in estimate.events)}

@@ -288,7 +288,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
 
     @cached_property
     def _clocks(self) -> NamedClocks:
-        return NamedClocks(self.gains.events, self.gains.sensors, self.gains.dt)
+        return NamedClocks(self.gains.events, self.gains.dt, self.gains.sensors)
 
     @cached_property
     def _silent(self) -> SilentSensors:

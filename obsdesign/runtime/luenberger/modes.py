@@ -40,15 +40,25 @@ class SwitchedPointObserver(SwitchedObserver[LuenbergerState, LuenbergerGains]):
     @cached_property
     def observers(self) -> tuple[LuenbergerObserver, ...]:
         """One observer for each mode."""
-        return tuple(map(LuenbergerObserver, self.gains.gains))
+        return tuple(map(self._observer, self.gains.gains))
+
+    def _observer(self, gains: LuenbergerGains) -> LuenbergerObserver:
+        """The observer of one mode, or of an event in it."""
+        return LuenbergerObserver(gains)
+
+    def _still(self, inner: LuenbergerState) -> LuenbergerState:
+        """The state of an observer, from which a row of the same time may follow."""
+        return replace(inner, started=False)
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> SwitchedPoint:
         """State at time t from a guess of x(t), before the first sample and its mode."""
-        return SwitchedPoint(t, self.observers[0].init(t, x=x))
+        inner = self.observers[0].init(t, x=x)
+        return SwitchedPoint(t, inner, guards=self._named.first_guards())
 
     def start(self, t: float, initial: Sequence[float] | None) -> SwitchedPoint:
         """State from x1, ..., xn; InputError unless n finite numbers."""
-        return SwitchedPoint(t, self.observers[0].start(t, initial))
+        inner = self.observers[0].start(t, initial)
+        return SwitchedPoint(t, inner, guards=self._named.first_guards())
 
     def _entered(
         self, inner: LuenbergerState, estimate: Estimate, before: int, after: int

@@ -93,8 +93,8 @@ class Clocks:
         """The clocks of the design."""
         gains = self.gains
         if gains.sensors:
-            return NamedClocks(gains.every_event, gains.sensors, gains.dt)
-        return OneClock(gains.every_event, (), gains=gains)
+            return NamedClocks(gains.every_event, gains.dt, gains.sensors)
+        return OneClock(gains.every_event, gains=gains)
 
     @property
     def may_repeat(self) -> bool:

@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from lmi.decide.dwell_problem import Direction
 from lmi.decide.dwell_search import ACCURACY
 from lmi.time_budget import TimeBudget
@@ -115,6 +117,11 @@ def require_search(
         raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
     if modes:
         require_accuracy(accuracy)
+        for event in problem.plant.events:
+            if not np.array_equal(event.G, np.eye(problem.plant.n)):
+                raise InputError(
+                    f"--for {what} is not available with {event.entry}.G other than the identity."
+                )
         return
     if not problem.plant.has_one_clock:
         raise InputError(f"--for {what} is not available with several clocks.")

@@ -114,4 +114,4 @@ def _narrowed(
         ends = [x or low, high] if search.direction == "shortest" else [low, x]
         body["mode"][k]["every"] = jsonable(ends)
         listed[k]["every"] = ends
-    return Problem.from_dict(body), {"modes": listed}
+    return Problem.from_dict(body), {**gains, "modes": listed}

@@ -122,7 +122,4 @@ def _certificate(
 
 def _added(graph: Graph) -> Matrix:
     """What every entry of a tube has at least; of any size where there are no inputs."""
-    has_inputs = any(graph.f) or any(
-        any(k) for stages in graph.events for stage in stages for _, k in stage.maps
-    )
-    return _ADDED * input_sizes(graph) if has_inputs else np.ones(graph.n)
+    return _ADDED * input_sizes(graph) if graph.has_inputs() else np.ones(graph.n)

@@ -11,29 +11,22 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Entries, Matrix
-from lmi.arithmetic.balls import Exact, exact, to_float
-from lmi.arithmetic.exponential import expm
-from lmi.bounds.mode_tube import prove_mode_tube
-from lmi.modes import Modes
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import exact
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
-from obsdesign.analysis.modes import graph_of
+from obsdesign.equations.clocks import events_of
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.equations.modes import SwitchedGains
 from obsdesign.problem.modes import spans_of
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.candidate import Candidate, Certificates
+from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.interval.descent import best_gains
 from obsdesign.synthesis.interval.forms import gains_of_form
+from obsdesign.synthesis.interval.mode_tubes import mode_certificates
 from obsdesign.synthesis.interval.task import GainSearch
-from obsdesign.synthesis.modes import require_served, stability_certificates
-
-_GRID, _ROUNDS = 1000, 60
-# room of a tube beyond the widths that it bounds, relative to the largest
-_ROOM = (2e-6, 2e-5, 1e-3)
+from obsdesign.synthesis.modes import require_served
 
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
@@ -44,14 +37,9 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
         own, more = _gains_of_mode(problem, k, budget)
         gains.append(own)
         remarks += more
-    switched = SwitchedGains(spans_of(problem.plant.modes), tuple(gains))
-    systems = [WidthSystem.from_gains(own, exact, np.asarray) for own in gains]
-    modes = graph_of(problem, [one.W for one in systems], [one.N for one in systems])
-    certificates = stability_certificates("mode_stability", modes, budget)
-    if "cells" in certificates.evidence["mode_stability"]:
-        width = propose_tube(modes, [one.f for one in systems])
-        if width is not None:
-            certificates = certificates.joined(Certificates({"mode_width": width}))
+    plant = problem.plant
+    switched = SwitchedGains(spans_of(plant.modes), tuple(gains), events_of(plant))
+    certificates = mode_certificates(problem, switched, budget)
     searched = any("L" not in own.gains for own in problem.in_modes)
     yield Candidate(
         "one gain for each mode", switched, certificates.evidence, searched,
@@ -117,88 +105,3 @@ def _slowed(own: Problem, rate: float) -> Problem:
     body = own.to_dict()
     body["flow"]["A"] = (own.plant.flow.A - rate * np.eye(own.plant.n)).tolist()
     return Problem.from_dict(body)
-
-
-def propose_tube(modes: Modes, inputs: list[Exact]) -> Entries | None:
-    """Widths at entry into each mode, and at any time in it, a little wider than their limits.
-
-    inputs: f of each mode, (n,). The narrowest that is proved; None where none is.
-    """
-    floats = [to_float(f) for f in inputs]
-    for room in _ROOM:
-        tube = _tube(modes, floats, room)
-        if tube is None:
-            return None
-        bounds = {name: exact(values) for name, values in tube.items()}
-        if prove_mode_tube(modes, inputs, **bounds).outcome == "proved":
-            return tube
-    return None
-
-
-def _tube(modes: Modes, inputs: list[Array], room: float) -> dict[str, list[list[float]]] | None:
-    """Entry and always of a tube that has this room, in floats; None where floats know none."""
-    try:
-        with np.errstate(all="ignore"):
-            entry = _widths_at_entry(modes, inputs, room)
-            always = None if entry is None else _widths_within(modes, inputs, entry, room)
-    except np.linalg.LinAlgError:  # overflow
-        return None
-    if entry is None or always is None:
-        return None
-    bounds = {"entry": entry, "always": always}
-    if not all(np.isfinite(v).all() and (v > 0).all() for v in bounds.values()):
-        return None
-    return {name: v.tolist() for name, v in bounds.items()}
-
-
-def _widths_at_entry(modes: Modes, inputs: list[Array], room: float) -> Array | None:
-    """The largest widths on entry (modes, n), and a room beyond; None where they grow.
-
-    Policy iteration: of each bound the edge and the stay that make it largest.
-    """
-    n, count, edges = len(inputs[0]), len(modes), []
-    for i, (F, f) in enumerate(zip(modes.flows, inputs, strict=True)):
-        maps, pushes = _responses(to_float(F), f, modes.stays[i][0], modes.horizons[i])
-        for j in modes.following[i]:
-            N = np.abs(to_float(modes.entry[j]))
-            edges.append((i, j, N @ maps, pushes @ N.T))
-    v, extra = np.zeros((count, n)), 0.0
-    for _ in range(_ROUNDS):
-        M, c = np.zeros((count * n, count * n)), np.full(count * n, extra)
-        best = np.full((count, n), -np.inf)
-        for i, j, maps, pushes in edges:
-            values = maps @ v[i] + pushes
-            for row, k in enumerate(np.argmax(values, axis=0)):
-                if values[k, row] > best[j, row]:
-                    best[j, row], place = values[k, row], j * n + row
-                    M[place] = 0.0
-                    M[place, i * n : (i + 1) * n] = maps[k, row]
-                    c[place] = pushes[k, row] + extra
-        if np.abs(np.linalg.eigvals(M)).max(initial=0.0) >= 1:
-            return None
-        before, v = v, np.linalg.solve(np.eye(count * n) - M, c).reshape(count, n)
-        if np.allclose(before, v, rtol=1e-13, atol=0.0):
-            if extra > 0:
-                break
-            extra = room * float(v.max() or 1.0)
-    return v
-
-
-def _widths_within(modes: Modes, inputs: list[Array], entry: Array, room: float) -> Array:
-    """The largest widths at any time in each mode (modes, n), and a room beyond."""
-    always = []
-    for F, f, v, last in zip(modes.flows, inputs, entry, modes.horizons, strict=True):
-        maps, pushes = _responses(to_float(F), f, 0.0, last)
-        largest = (maps @ v + pushes).max(axis=0)
-        always.append(largest * (1 + 10 * room) + room * largest.max())
-    return np.array(always)
-
-
-def _responses(W: Array, f: Array, low: float, last: float) -> tuple[Array, Array]:
-    """e^(W theta) and what f adds until theta, on a grid; (k, n, n), (k, n)."""
-    n = len(f)
-    Z = np.zeros((n + 1, n + 1))
-    Z[:n, :n], Z[:n, n] = W, f
-    thetas = np.unique(np.linspace(low, last, _GRID))
-    flows = expm(Z * thetas[:, None, None])
-    return flows[:, :n, :n], flows[:, :n, n]

@@ -11,6 +11,7 @@ from lmi.arithmetic.balls import exact
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.modes import graph_of
 from obsdesign.analysis.riccati import FASTER, faster_rates
+from obsdesign.equations.clocks import events_of
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.modes import SwitchedGains
@@ -48,7 +49,7 @@ def _candidate(
             pace = pace_of_stays(plant.modes[k].every)
             L = zero if speed is None else _riccati(own, speed, rate, pace)
         gains.append(LuenbergerGains.from_plant(plant.in_mode(k, entered=True), L=L, M=zero))
-    switched = SwitchedGains(spans_of(plant.modes), tuple(gains))
+    switched = SwitchedGains(spans_of(plant.modes), tuple(gains), events_of(plant))
     certificates = Certificates()
     names = {"mode_stability": 0.0} | ({"decay_rate": rate} if rate > 0 else {})
     for name, shift in names.items():

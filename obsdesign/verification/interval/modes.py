@@ -1,21 +1,18 @@
 """Interval observers of plants with modes: enclosure, stability, width at entry into modes.
 
-The width obeys w' = W_i w + f_i in mode i and w+ = |G_j| w on entry into mode j; its tube is that
-of `lmi.bounds.mode_tube`.
+The width obeys w' = W_i w + f_i in mode i, w+ = |G_j| w on entry into mode j, and w+ = |G| w + h at
+an event; its tube is that of `mode_width`.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
-from decimal import ROUND_CEILING
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.arithmetic.balls import exact, inverse
-from lmi.bounds.mode_tube import prove_mode_tube
 from lmi.modes import Modes
 from lmi.time_budget import UNLIMITED, TimeBudget
+from obsdesign.analysis.interval.mode_graph import ModeSystem
 from obsdesign.analysis.modes import FORMS, graph_of_spans, stays_text
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.gains import plant_data
@@ -25,16 +22,15 @@ from obsdesign.equations.modes import SwitchedGains
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.interval.claims import sign_claims
-from obsdesign.verification.modes import (
-    STABILITY,
-    consistent_modes,
-    in_all_modes,
-    stability_claim,
+from obsdesign.verification.interval.mode_width import (
+    WIDTH,
+    stability_of_modes,
+    width_claim,
+    width_text,
 )
-from obsdesign.verification.rates import six_digits
+from obsdesign.verification.modes import STABILITY, consistent_modes, in_all_modes
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 
-WIDTH = "mode_width"
 _ENCLOSURE = (
     "The bounds contain the state at every instant, if they contain it at the start, b and v stay "
     "inside their bounds and changes of mode are reported at their times; this holds for samples "
@@ -66,54 +62,30 @@ def claims(
         if own:
             names = [gains.names[k] for k, _ in own]
             listed.append(in_all_modes(names, [claim for _, claim in own]))
-    systems = width_systems(gains)
-    modes = width_modes(gains, systems)
-    what = "the width w, w' = W w with W = D0 + D1 in each mode,"
-    listed.append(stability_claim(modes, certificates.get(STABILITY, {}), what, paranoid))
-    return (*listed, *width_claim(modes, systems, certificates.get(WIDTH, {})))
+    system = mode_system(gains)
+    listed.append(stability_of_modes(system, certificates.get(STABILITY, {}), paranoid))
+    return (*listed, *width_claim(system, certificates.get(WIDTH, {})))
 
 
 def error_modes(problem: Problem, stored: Entries) -> Modes:
     """The graph of modes whose paths are claimed to tend to zero: the width's."""
     del problem
-    gains = SwitchedGains.from_document(stored, IntervalGains)
-    return width_modes(gains, width_systems(gains))
+    return width_modes(mode_system(SwitchedGains.from_document(stored, IntervalGains)))
 
 
-def width_systems(gains: SwitchedGains[IntervalGains]) -> list[WidthSystem]:
-    """The width system of each mode, exact."""
-    return [WidthSystem.from_gains(own, exact, inverse) for own in gains.gains]
+def mode_system(gains: SwitchedGains[IntervalGains]) -> ModeSystem:
+    """The width systems of all modes, exact."""
+    return ModeSystem(
+        gains, tuple(WidthSystem.from_gains(own, exact, inverse) for own in gains.gains)
+    )  # fmt: skip
 
 
-def width_modes(gains: SwitchedGains[IntervalGains], systems: list[WidthSystem]) -> Modes:
-    """The graph of modes that the width takes."""
+def width_modes(system: ModeSystem) -> Modes:
+    """The graph of modes that the width takes, without events."""
+    widths = system.widths
     return graph_of_spans(
-        gains.spans, [system.W for system in systems], [system.N for system in systems]
-    )
-
-
-def width_claim(
-    modes: Modes, systems: list[WidthSystem], proposed: Entries
-) -> tuple[Claim, ...]:  # fmt: skip
-    """Claim of proposed widths at entry into each mode, and at all times; none without any."""
-    bounds = [proposed.get(name) for name in ("entry", "always")]
-    shape = (len(modes), len(modes.flows[0]))
-    try:
-        entry, always = (np.array(values, dtype=np.float64) for values in bounds)
-    except (TypeError, ValueError):
-        return ()
-    if any(x.shape != shape or not np.isfinite(x).all() for x in (entry, always)):
-        return ()
-    inputs = [system.f for system in systems]
-    verdict = prove_mode_tube(modes, inputs, entry=exact(entry), always=exact(always))
-    evidence: NewEntries = {"entry": entry.tolist(), "always": always.tolist()}
-    verdict = replace(verdict, evidence={**evidence, **verdict.evidence})
-    statement = (
-        f"the width of the bounds comes to at most entry on entry into each mode "
-        f"({', '.join(modes.names)}), and always at any time in it: a tube that the width system "
-        "w' = W w + f, w+ = |G| w does not leave and is drawn to"
-    )
-    return (Claim.from_verdict(WIDTH, statement, "tube on the graph of modes", verdict),)
+        system.gains.spans, [own.W for own in widths], [own.N for own in widths]
+    )  # fmt: skip
 
 
 def expected_gains(problem: Problem, place: int, stored: Entries) -> Entries:
@@ -144,24 +116,8 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     ]
     for claim in claims:
         if claim.id == WIDTH and claim.verdict == "proved":
-            text = _width_text([mode.name for mode in problem.plant.modes], claim)
+            text = width_text([mode.name for mode in problem.plant.modes], claim)
             ids = [*enclosing, WIDTH]
             sentences.append((f"{measured}, asymptotically the width is at most {text}.", ids))
     entries = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     return (*entries, Guarantee.from_verdicts(ROUNDED_WIDTHS, enclosing, verdicts))
-
-
-def _width_text(names: list[str], claim: Claim) -> str:
-    """Widths of all modes in words, (0.6, 0.03) on entry into open."""
-    entry, always = claim.evidence["entry"], claim.evidence["always"]
-    words = [
-        f"({', '.join(map(_six_digits, at))}) on entry into {name} and "
-        f"({', '.join(map(_six_digits, ever))}) at any time in it"
-        for name, at, ever in zip(names, entry, always, strict=True)
-    ]
-    return "; ".join(words)
-
-
-def _six_digits(value: float) -> str:
-    """A width with six digits, rounded up."""
-    return six_digits(value, ROUND_CEILING)

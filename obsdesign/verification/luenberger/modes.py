@@ -17,7 +17,12 @@ from obsdesign.equations.modes import SwitchedGains
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.absent_signals import absent_signals
-from obsdesign.verification.modes import STABILITY, consistent_modes, stability_claim
+from obsdesign.verification.modes import (
+    STABILITY,
+    consistent_modes,
+    mode_stability,
+    stability_claim,
+)
 
 
 def claims(
@@ -67,7 +72,8 @@ def _stability(
     name = "decay_rate" if rate else STABILITY
     if rate:
         what = f"the error times e^({rate!r} t)"
-    return stability_claim(modes, certificates.get(name, {}), what, paranoid, name)
+    verdict = mode_stability(modes, certificates.get(name, {}), paranoid)
+    return stability_claim(verdict, what, name=name)
 
 
 def expected_gains(problem: Problem, place: int, stored: Entries) -> Entries:

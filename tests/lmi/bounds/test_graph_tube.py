@@ -25,7 +25,7 @@ def graph(low: float, high: float, gap: float = 0.3) -> Graph:
         ((Passage(0, 0, low, high),), (Passage(1, 1, 0.0, gap),)),
         ((Passage(0, 0, low - gap, high),),),
     )
-    return Graph(W, f, ((event,), (sample,)), nodes)
+    return Graph(((W, f),), ((event,), (sample,)), nodes)
 
 
 def tube_of(one: Graph) -> Matrix | None:
@@ -83,11 +83,11 @@ def test_entries_that_are_held_are_bounds_of_nothing() -> None:
     sampled = (Passage(0, 0, 0.0, 2.0, held=_HELD, through=(0,)),)
     silent = (Passage(0, 0, 0.0, 2.0, held=_HELD, through=(0,), silent=(True, False)),)
     free = (Passage(0, None, 1.0, 1.0),)
-    one = Graph(W, f, ((read,),), ((sampled, free),))
+    one = Graph(((W, f),), ((read,),), ((sampled, free),))
     v = tube_of(one)
     assert v is not None
     assert prove_graph(one, v.tolist()).outcome == "proved"
     assert v[0] == pytest.approx([2.5, 1.0], rel=2e-3)
     for strategies in ((sampled,), (silent, free)):
-        less = Graph(W, f, ((read,),), (strategies,))
+        less = Graph(((W, f),), ((read,),), (strategies,))
         assert prove_graph(less, v.tolist()).outcome == "undecided"

@@ -1,0 +1,76 @@
+"""Named events of a record: which happen, their known inputs, and times that are not kept."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.clocks import EventGains
+from obsdesign.runtime.base import Sample, vector
+from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.jump import no_jumps
+
+
+@dataclass(frozen=True)
+class NamedEvents:
+    """Events in their order; dt: step of discrete time, None for a flow."""
+
+    events: Sequence[EventGains]
+    dt: float | None = None
+
+    def first_guards(self) -> tuple[DwellGuard, ...]:
+        """Guards before any event."""
+        return tuple(DwellGuard(*event.dwell_range) for event in self.events)
+
+    def places(self, sample: Sample) -> tuple[int, ...]:
+        """Places of the events of a row; ValueError unless the plant has them."""
+        if not sample.jump and not sample.events:
+            return ()
+        names = [event.name for event in self.events]
+        if not names:
+            raise no_jumps()
+        if len(names) == 1 and not sample.events:
+            return (0,)
+        if not sample.events or not all(0 <= k < len(names) for k in sample.events):
+            raise ValueError(
+                f"events must be places among {', '.join(names)}, from 0; got {sample.events!r}."
+            )
+        places = tuple(int(k) for k in sample.events)
+        if self.dt is not None and any(b <= a for a, b in itertools.pairwise(places)):
+            raise ValueError(
+                f"events of a row must be in the order of the design in discrete time, each once; "
+                f"got {sample.events!r}."
+            )
+        return places
+
+    def inputs(self, sample: Sample, event: int) -> Matrix:
+        """Known inputs w of an event, which stand behind those of the events before it."""
+        counts = [each.inputs for each in self.events]
+        if sample.w is None:
+            return np.zeros(counts[event])
+        first = sum(counts[:event])
+        own = vector(sample.w, sum(counts), "w")[first : first + counts[event]]
+        if not np.isfinite(own).all():
+            raise ValueError(f"w of event {self.events[event].name} must be finite.")
+        return own
+
+    def guarded(
+        self, guards: Sequence[DwellGuard], t: float, events: Sequence[int]
+    ) -> tuple[tuple[DwellGuard, ...], list[str]]:
+        """Guards after the events of a row, and sentences on times that are not kept."""
+        sentences, following = list[str](), list[DwellGuard]()
+        for k, guard in enumerate(guards):
+            own, violation = guard.after(t, k in events)
+            following.append(own)
+            if violation is not None:
+                sentences.append(self.titled(k, violation))
+        return tuple(following), sentences
+
+    def titled(self, event: int, sentence: str) -> str:
+        """A sentence on an event, with its name unless it is [jump]."""
+        name = self.events[event].name
+        return sentence if name == "jump" else f"{name}: {sentence}"

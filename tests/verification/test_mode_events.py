@@ -1,0 +1,161 @@
+"""Events within modes: widths that no path exceeds, and claims that are not proved."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from obsdesign.document import Claim
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.modes import SwitchedGains
+from obsdesign.errors import InputError
+from obsdesign.problem.problem import Problem
+from obsdesign.studies.search.search import search
+from obsdesign.workflow import Outcome, design, investigate, verify
+from tests.systems.mode_paths import largest_widths
+from tests.systems.switched import random_strokes, valve
+
+Body = dict[str, Any]
+
+
+def claim_of(outcome: Outcome, name: str) -> Claim:
+    (claim,) = (claim for claim in outcome.claims if claim.id == name)
+    return claim
+
+
+def strokes(**entries: object) -> Problem:
+    """The valve with other entries of its stroke."""
+    body = valve(strokes=True).to_dict()
+    body["event"][0].update(entries)
+    return Problem.from_dict(body)
+
+
+def widths(problem: Problem) -> dict[str, np.ndarray[Any, Any]]:
+    evidence = claim_of(investigate(problem), "mode_width").evidence
+    return {name: np.array(evidence[name]) for name in ("entry", "always")}
+
+
+def test_no_path_exceeds_the_widths_of_the_valve_and_its_strokes() -> None:
+    outcome = investigate(valve(strokes=True))
+    assert outcome.verdict == "proved"
+    assert outcome.design is not None
+    gains = SwitchedGains.from_document(outcome.design.gains, IntervalGains)
+    evidence = claim_of(outcome, "mode_width").evidence
+    for seed in range(3):
+        largest = largest_widths(gains, 300, np.random.default_rng(seed))
+        for (what, name), width in largest.items():
+            proved = np.array(evidence[what][gains.names.index(name)])
+            assert (width < proved).all()
+            assert (proved < 1.35 * width).all()
+    assert verify(outcome.design, paranoid=True).verdict == "proved"
+
+
+@pytest.mark.parametrize("seed", [1, 4, 5])
+def test_no_path_exceeds_the_widths_of_random_plants(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    outcome = investigate(random_strokes(rng, "interval"))
+    if outcome.design is None or "mode_width" not in {claim.id for claim in outcome.claims}:
+        pytest.skip("no width is claimed")
+    gains = SwitchedGains.from_document(outcome.design.gains, IntervalGains)
+    evidence = claim_of(outcome, "mode_width").evidence
+    for (what, name), width in largest_widths(gains, 300, rng).items():
+        proved = evidence[what][gains.names.index(name)]
+        assert proved is None or (width < np.array(proved)).all()
+
+
+def test_rarer_and_fewer_strokes_never_widen() -> None:
+    stated = widths(valve(strokes=True))
+    for narrower in (strokes(every=[8, "inf"]), strokes(disturbance=None), valve()):
+        for name, own in widths(narrower).items():
+            assert (own <= stated[name] * (1 + 1e-3)).all()
+    body = valve(strokes=True).to_dict()
+    del body["event"][0]["modes"]
+    for name, own in widths(Problem.from_dict(body)).items():
+        assert (own >= stated[name]).all()
+        assert own[1, 0] > 1.02 * stated[name][1, 0]  # strokes while closed too
+
+
+def altered(change: Callable[[Body, Body], object], made: Problem | None = None) -> str:
+    """The verdict on a design with changed gains or problem, signed anew."""
+    own = design(made or valve(strokes=True))
+    gains, problem = copy.deepcopy(dict(own.gains)), copy.deepcopy(dict(own.problem))
+    change(gains, problem)
+    return verify(replace(own, gains=gains, problem=problem)).verdict
+
+
+def of_both(**entries: object) -> Callable[[Body, Body], object]:
+    """The same change of the event in gains and problem; "every" is dwell_time in gains."""
+
+    def change(gains: Body, problem: Body) -> None:
+        problem["event"][0].update(entries)
+        fresh = Problem.from_dict(problem)
+        gains["events"] = design(fresh).gains["events"]
+
+    return change
+
+
+def test_a_tube_for_kinder_events_proves_nothing() -> None:
+    assert altered(lambda gains, problem: None) == "proved"
+    assert altered(of_both(every=[1, "inf"])) == "undecided"
+    larger = {"lower": [0.05, 0], "upper": [0.15, 0]}
+    assert altered(of_both(disturbance=larger)) == "undecided"
+    assert altered(of_both(modes=["open", "closed"])) == "undecided"
+    assert altered(of_both(G=[[1.5, 0], [0, 1]])) == "undecided"
+
+
+def test_gains_of_other_events_are_refuted() -> None:
+    def rarer(gains: Body, problem: Body) -> None:
+        gains["events"][0]["dwell_time"] = np.array([6.0, np.inf])
+
+    def everywhere(gains: Body, problem: Body) -> None:
+        del gains["events"][0]["modes"]
+
+    def silent(gains: Body, problem: Body) -> None:
+        del gains["events"]
+
+    def twice(gains: Body, problem: Body) -> None:
+        gains["events"] = [*gains["events"], *gains["events"]]
+
+    for change in (rarer, everywhere, silent, twice):
+        assert altered(change) == "refuted"
+
+
+def test_maps_that_widen_need_a_tube_of_their_own() -> None:
+    for growth, verdict in ((1.2, "proved"), (3.0, "undecided")):
+        outcome = investigate(strokes(G=[[growth, 0.1], [0, 1]]))
+        claim = claim_of(outcome, "mode_stability")
+        assert claim.verdict == verdict
+        assert ("tube" in claim.evidence) == (verdict == "proved")
+        if outcome.design is not None:
+            assert verify(outcome.design).verdict == verdict
+
+
+def test_stays_refute_only_where_events_may_stay_away() -> None:
+    body = valve(longest_closed=24.01, strokes=True).to_dict()
+    assert investigate(Problem.from_dict(body)).verdict == "refuted"
+    body["event"][0] |= {"G": [[0.1, 0], [0, 1]], "every": [5, 6]}
+    claim = claim_of(investigate(Problem.from_dict(body)), "mode_stability")
+    assert claim.verdict == "undecided"
+    assert "stroke must happen" in claim.evidence["reason"]
+
+
+def test_point_observers_do_not_see_strokes() -> None:
+    assert investigate(valve(kind="luenberger", strokes=True)).verdict == "proved"
+    body = valve(kind="luenberger", strokes=True).to_dict()
+    body["event"][0]["G"] = [[2, 0], [0, 1]]
+    with pytest.raises(InputError, match="stroke.G must be the identity for kind 'luenberger'"):
+        investigate(Problem.from_dict(body))
+
+
+def test_searches_keep_events_that_leave_the_error_as_it_is() -> None:
+    problem = valve(strokes=True)
+    outcome = search(problem, "longest_dwell", of="closed", accuracy=1e-3)
+    assert outcome.verdict == "proved"
+    assert 23.9 < outcome.result["proved"] < 24
+    with pytest.raises(InputError, match="stroke.G other than the identity"):
+        search(strokes(G=[[1.1, 0], [0, 1]]), "longest_dwell")
