@@ -71,3 +71,16 @@ def test_modes_that_are_none_are_refused(text: str, refusal: str) -> None:
     with pytest.raises(InputError) as error:
         rows(text)
     assert refusal in str(error.value)
+
+
+@pytest.mark.parametrize("dwell", ["random", "shortest"])
+def test_events_come_in_their_modes_alone(dwell: str) -> None:
+    plant = valve(strokes=True).plant
+    for seed in range(4):
+        run = simulate(plant, until=200, step=0.5, dwell=dwell, rng=np.random.default_rng(seed))
+        assert run.happened is not None
+        rows = np.flatnonzero(run.happened[:, 0])
+        assert len(rows) > 5
+        assert (np.diff(run.t[rows]) >= 5 - 1e-9).all()
+        # the mode before a row is that of its events
+        assert {(run.mode or [])[k - 1] for k in rows} == {"open"}

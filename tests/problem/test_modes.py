@@ -57,6 +57,10 @@ def test_flow_A_serves_modes_without_their_own() -> None:
         Problem.from_dict(body)
 
 
+def _event(**entries: object) -> dict[str, object]:
+    return {"name": "stroke", "every": 5, **entries}
+
+
 def _mode(**entries: object) -> Change:
     return lambda body: body["mode"][0].update(entries)
 
@@ -85,7 +89,10 @@ def _mode(**entries: object) -> Change:
         (_mode(disturbance={"lower": [1, 1], "upper": [0, 0]}), "lower must not exceed upper"),
         (_mode(stay=[1, 2]), "unknown key 'stay' in [mode.open]"),
         (lambda b: b["mode"].pop(), "[[mode]]: two modes or more are required"),
-        (lambda b: b.update(event=[{"name": "stroke", "every": 5}]), "[[event]] in this version"),
+        (lambda b: b.update(event=[_event(modes=["ajar"])]), "event.stroke.modes must name modes"),
+        (lambda b: b.update(event=[_event(modes=["open"] * 2)]), "once each; got 'open'"),
+        (lambda b: b.update(event=[_event(modes=[])]), "event.stroke.modes must name a mode"),
+        (lambda b: b.update(event=[_event(time_error=0.1)]), "time_error is not available with"),
     ],
 )
 def test_refusals_name_the_entry(change: Change, text: str) -> None:
@@ -148,3 +155,28 @@ def test_gains_of_the_observer_serve_modes_without_their_own() -> None:
     first, second = Problem.from_dict(body).in_modes
     assert first.gains["L"].tolist() == [[0.1], [2]]
     assert second.gains["L"].tolist() == [[0], [1]]
+
+
+@pytest.mark.parametrize("kind", TAKING_MODES)
+@pytest.mark.parametrize(
+    ("event", "text"),
+    [
+        ({"name": "stroke"}, "event.stroke.every is required by [[mode]]"),
+        ({"name": "stroke", "every": [0, 5]}, "event.stroke.every: the shortest time must be > 0"),
+    ],
+)
+def test_events_within_modes_need_a_shortest_time(
+    kind: str, event: dict[str, Any], text: str
+) -> None:
+    body = valve(kind=kind).to_dict() | {"event": [event]}
+    with pytest.raises(InputError) as refusal:
+        investigate(Problem.from_dict(body))
+    assert text in str(refusal.value)
+
+
+def test_modes_of_an_event_need_modes() -> None:
+    body = valve().to_dict()
+    del body["mode"]
+    body["event"] = [_event(modes=["open"])]
+    with pytest.raises(InputError, match=r"event\.stroke\.modes requires \[\[mode\]\]"):
+        Problem.from_dict(body)

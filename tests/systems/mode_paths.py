@@ -21,23 +21,26 @@ def largest_widths(
 ) -> Mapping[tuple[str, str], Matrix]:
     """The largest widths of a random path from zero, by ("entry" | "always", mode).
 
-    Stays are mostly their longest or shortest; events come as soon as they may, or as late in the
-    stay, or at random times.
+    Stays are mostly their longest or shortest, the same for a while; events come as soon as they
+    may, or as late in the stay, or at random times.
     """
     systems = [WidthSystem.from_gains(own) for own in gains.gains]
     n = len(systems[0].f)
     largest: dict[tuple[str, str], Matrix] = defaultdict(lambda: np.zeros(n))
     w, mode, t, last = np.zeros(n), 0, 0.0, [-math.inf] * len(gains.events)
-    for _ in range(stays):
+    for k in range(stays):
+        if k % 10 == 0:
+            is_long = rng.random(len(systems)) < 0.5
         name, own = gains.names[mode], systems[mode]
         low, high = gains.spans[mode].every.tolist()
-        high = min(high, 3 * low)
-        stay = float(rng.choice([low, high, rng.uniform(low, high)], p=[0.45, 0.45, 0.1]))
+        high = high if math.isfinite(high) else low + 20.0
+        end = high if is_long[mode] else low
+        stay = float(rng.choice([end, rng.uniform(low, high)], p=[0.9, 0.1]))
         times = []
-        for k, event in enumerate(gains.events):
-            if event.may_happen(name):
-                ready = max(last[k] + event.dwell_range[0] - t, 0.0)
-                times += [(s, k) for s in _times(ready, stay, event.dwell_range[0], rng)]
+        for e, own_event in enumerate(gains.events):
+            if own_event.may_happen(name):
+                ready = max(last[e] + own_event.dwell_range[0] - t, 0.0)
+                times += [(s, e) for s in _times(ready, stay, own_event.dwell_range[0], rng)]
         now = 0.0
         for s, event in [*sorted(times), (stay, -1)]:
             w = _flowed(own, w, s - now)
@@ -56,8 +59,10 @@ def largest_widths(
 
 def _times(ready: float, stay: float, shortest: float, rng: np.random.Generator) -> list[float]:
     """Times of an event in a stay: early, late, or at random."""
+    if ready > stay:
+        return []
     first = float(rng.choice([ready, ready + (stay - ready) % shortest, rng.uniform(ready, stay)]))
-    return [] if ready > stay else np.arange(first, stay, shortest).tolist() or [min(first, stay)]
+    return np.arange(first, stay, shortest).tolist() or [min(first, stay)]
 
 
 def _flowed(system: WidthSystem, w: Matrix, h: float) -> Matrix:

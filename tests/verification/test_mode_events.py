@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lmi.verdict import overall
 from obsdesign.document import Claim
+from obsdesign.equations.clocks import events_of
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.modes import SwitchedGains
 from obsdesign.errors import InputError
@@ -47,7 +49,7 @@ def test_no_path_exceeds_the_widths_of_the_valve_and_its_strokes() -> None:
     gains = SwitchedGains.from_document(outcome.design.gains, IntervalGains)
     evidence = claim_of(outcome, "mode_width").evidence
     for seed in range(3):
-        largest = largest_widths(gains, 300, np.random.default_rng(seed))
+        largest = largest_widths(gains, 600, np.random.default_rng(seed))
         for (what, name), width in largest.items():
             proved = np.array(evidence[what][gains.names.index(name)])
             assert (width < proved).all()
@@ -55,12 +57,11 @@ def test_no_path_exceeds_the_widths_of_the_valve_and_its_strokes() -> None:
     assert verify(outcome.design, paranoid=True).verdict == "proved"
 
 
-@pytest.mark.parametrize("seed", [1, 4, 5])
+@pytest.mark.parametrize("seed", [5])
 def test_no_path_exceeds_the_widths_of_random_plants(seed: int) -> None:
     rng = np.random.default_rng(seed)
     outcome = investigate(random_strokes(rng, "interval"))
-    if outcome.design is None or "mode_width" not in {claim.id for claim in outcome.claims}:
-        pytest.skip("no width is claimed")
+    assert outcome.design is not None
     gains = SwitchedGains.from_document(outcome.design.gains, IntervalGains)
     evidence = claim_of(outcome, "mode_width").evidence
     for (what, name), width in largest_widths(gains, 300, rng).items():
@@ -70,7 +71,7 @@ def test_no_path_exceeds_the_widths_of_random_plants(seed: int) -> None:
 
 def test_rarer_and_fewer_strokes_never_widen() -> None:
     stated = widths(valve(strokes=True))
-    for narrower in (strokes(every=[8, "inf"]), strokes(disturbance=None), valve()):
+    for narrower in (strokes(every=[8, "inf"]), valve()):
         for name, own in widths(narrower).items():
             assert (own <= stated[name] * (1 + 1e-3)).all()
     body = valve(strokes=True).to_dict()
@@ -80,12 +81,13 @@ def test_rarer_and_fewer_strokes_never_widen() -> None:
         assert own[1, 0] > 1.02 * stated[name][1, 0]  # strokes while closed too
 
 
-def altered(change: Callable[[Body, Body], object], made: Problem | None = None) -> str:
-    """The verdict on a design with changed gains or problem, signed anew."""
-    own = design(made or valve(strokes=True))
+def altered(change: Callable[[Body, Body], object]) -> str:
+    """The verdict on the plant's claims in a design with changed gains or problem."""
+    own = design(valve(strokes=True))
     gains, problem = copy.deepcopy(dict(own.gains)), copy.deepcopy(dict(own.problem))
     change(gains, problem)
-    return verify(replace(own, gains=gains, problem=problem)).verdict
+    claims = verify(replace(own, gains=gains, problem=problem)).claims
+    return overall(claim.verdict for claim in claims if claim.id != "document")
 
 
 def of_both(**entries: object) -> Callable[[Body, Body], object]:
@@ -93,8 +95,8 @@ def of_both(**entries: object) -> Callable[[Body, Body], object]:
 
     def change(gains: Body, problem: Body) -> None:
         problem["event"][0].update(entries)
-        fresh = Problem.from_dict(problem)
-        gains["events"] = design(fresh).gains["events"]
+        listed = events_of(Problem.from_dict(problem).plant)
+        gains["events"] = [event.to_document() for event in listed]
 
     return change
 
@@ -148,7 +150,7 @@ def test_point_observers_do_not_see_strokes() -> None:
     assert investigate(valve(kind="luenberger", strokes=True)).verdict == "proved"
     body = valve(kind="luenberger", strokes=True).to_dict()
     body["event"][0]["G"] = [[2, 0], [0, 1]]
-    with pytest.raises(InputError, match="stroke.G must be the identity for kind 'luenberger'"):
+    with pytest.raises(InputError, match=r"stroke\.G must be the identity for kind 'luenberger'"):
         investigate(Problem.from_dict(body))
 
 
@@ -157,5 +159,5 @@ def test_searches_keep_events_that_leave_the_error_as_it_is() -> None:
     outcome = search(problem, "longest_dwell", of="closed", accuracy=1e-3)
     assert outcome.verdict == "proved"
     assert 23.9 < outcome.result["proved"] < 24
-    with pytest.raises(InputError, match="stroke.G other than the identity"):
+    with pytest.raises(InputError, match=r"stroke\.G other than the identity"):
         search(strokes(G=[[1.1, 0], [0, 1]]), "longest_dwell")

@@ -29,7 +29,8 @@ from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.equations.modes import ModeSpan, SwitchedGains
 
 MOST_CELLS = 64
-_MOST_NODES = 400
+# marks, and passages between them, of a graph that is proved
+_MOST_NODES, _MOST_PASSAGES = 200, 800
 # cells of a shortest stay, in which a mode makes up for others: so many for each of an event's time
 _FINER = 4
 # the clock of the stay, beside those of events by their places
@@ -176,8 +177,11 @@ class _Builder:
         due = {**two.mark.due, _STAY: self.system.stay(one.mode)}
         return one.mark.until(replace(two.mark, due=due))
 
-    def graph(self) -> ModeGraph:
-        """Nodes that have one before them, and so on; then those of all times in each mode."""
+    def graph(self) -> ModeGraph | None:
+        """Nodes that have one before them, and so on; then those of all times in each mode.
+
+        None where there are too many passages between them.
+        """
         nodes = list(self._nodes())
         pairs = [
             (x, y, time)
@@ -191,6 +195,8 @@ class _Builder:
             if len(kept) == len(pairs):
                 break
             pairs = kept
+        if len(pairs) > _MOST_PASSAGES:
+            return None
         places = {node: place for place, node in enumerate(sorted(reached))}
         passages: list[list[Passage]] = [[] for _ in places]
         for x, y, time in pairs:

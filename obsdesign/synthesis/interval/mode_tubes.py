@@ -19,7 +19,7 @@ from obsdesign.synthesis.candidate import Certificates
 from obsdesign.synthesis.modes import stability_certificates
 
 # cells of the shortest time between two events: of the first graph, and of the last
-_FIRST, _LAST = 8, 32
+_FIRST, _LAST = 8, 16
 # what every entry of a tube has beside what inputs make of it, relative to that
 _ADDED = 1e-7
 # room above the image of a tube: that of a few nodes alone is small
