@@ -23,6 +23,10 @@ class Disturbed(Protocol):
     def upper(self) -> Matrix:
         """Upper bound (n,), or of w (k,)."""
 
+    @property
+    def shaped_disturbance(self) -> tuple[Matrix, Matrix, Matrix]:
+        """(columns (n, k), lower, upper (k,)), with D d where d is bounded."""
+
 
 class InputBounds(Protocol):
     """Bounds of an unknown input."""

@@ -34,6 +34,16 @@ class DisturbedBlock(Block):
         given = self.disturbance_matrix
         return np.eye(len(self.lower)) if given is None else given
 
+    @property
+    def shaped_disturbance(self) -> tuple[Matrix, Matrix, Matrix]:
+        """(columns (n, k), lower, upper (k,)): the disturbance is columns @ w, w in the box."""
+        return self.disturbance_columns, self.lower, self.upper
+
+    def disturbance_width(self, inward: Matrix) -> Matrix:
+        """Width (n,) of inward @ disturbance, inward (n, n)."""
+        columns, lower, upper = self.shaped_disturbance
+        return np.asarray(np.abs(inward @ columns) @ (upper - lower))
+
     def disturbance_box(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) of the disturbance of each state, (n,), rounded outward."""
         if self.disturbance_matrix is None:

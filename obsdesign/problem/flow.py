@@ -100,10 +100,18 @@ class Flow(DisturbedBlock):
             set_fields(self, d_bounds=InputBounds.from_entry(self.d_bounds, self.D))
 
     @property
+    def shaped_disturbance(self) -> tuple[Matrix, Matrix, Matrix]:
+        """(columns (n, k), lower, upper (k,)) of b, D d included where d is bounded."""
+        columns, lower, upper = super().shaped_disturbance
+        if self.D is None or self.d_bounds is None:
+            return columns, lower, upper
+        ends = ((lower, self.d_bounds.lower), (upper, self.d_bounds.upper))
+        low, high = (np.concatenate(pair) for pair in ends)
+        return np.hstack([columns, self.D]), low, high
+
+    @property
     def b_bounds(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) of b, (n,), D d included where d is bounded; rounded outward."""
         if self.D is None or self.d_bounds is None:
             return self.disturbance_box()
-        columns = np.hstack([self.disturbance_columns, self.D])
-        lower = np.concatenate([self.lower, self.d_bounds.lower])
-        return image_box(columns, lower, np.concatenate([self.upper, self.d_bounds.upper]))
+        return image_box(*self.shaped_disturbance)

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
-from lmi.arithmetic.arrays import Array, NewEntries
-from obsdesign.equations.gains import PlantGains, matrix, number, word
+from lmi.arithmetic.arrays import Array, NewEntries, Value
+from obsdesign.equations.gains import matrix, number, plant_data, word
+from obsdesign.equations.plant import Plant
+from obsdesign.equations.shaped_gains import ShapedGains, shaped_entries
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IntervalGains(PlantGains):
+class IntervalGains(ShapedGains):
     """L, M (n, p), the splits that the bounds follow, and the coordinates x = S z they live in.
 
     form: theorem of the design. period: of the samples where samples are events, else None.
     S (n, n): None for the plant's own coordinates; S2, T (n, n): coordinates of the jumps and the
     jump there, form `two_coordinates`. D0, D1 (n, n): split of the flow of the error; Gp, Gn
     (n, n): of its jump, None without jumps and in form `two_coordinates`. step_limit: the longest
-    step of a continuous y for which a width is guaranteed, None where none is named.
+    step of a continuous y for which a width is guaranteed, None where none is named. D d with a
+    bounded d is a part of disturbance_matrix.
     """
 
     noise_bound: Array = matrix("p")
@@ -47,6 +51,11 @@ class IntervalGains(PlantGains):
             if getattr(self, name) is None:
                 raise ValueError(f"gains.{name} is required by form {self.form!r}; it is missing.")
 
+    @classmethod
+    def from_plant(cls, plant: Plant, **gains: Value) -> Self:
+        """Gains with the numbers of a plant."""
+        return cls(**plant_data(plant), **shaped_data(plant), **gains)
+
     def to_document(self) -> NewEntries:
         """Entries of a design file: the form, then those that the design has."""
         return {"form": self.form} | super().to_document()
@@ -73,9 +82,12 @@ class IntervalGains(PlantGains):
             raise ValueError("gains.Gp and gains.Gn are missing: this design has no such split.")
         return self.Gp, self.Gn
 
-    @property
-    def jump_bounds(self) -> tuple[Array, Array]:
-        """(lower, upper) of c; ValueError where the plant has no jumps."""
-        if self.jump_lower is None or self.jump_upper is None:
-            raise ValueError("gains.jump_lower is missing: this plant has no jumps.")
-        return self.jump_lower, self.jump_upper
+
+def shaped_data(plant: Plant) -> NewEntries:
+    """Entries of disturbances that are a matrix times w, of those that the plant has."""
+    entries: NewEntries = {}
+    if plant.flow.disturbance_matrix is not None or plant.flow.d_bounds is not None:
+        entries |= shaped_entries("", *plant.flow.shaped_disturbance)
+    if plant.jump is not None and plant.jump.disturbance_matrix is not None:
+        entries |= shaped_entries("jump_", *plant.jump.shaped_disturbance)
+    return entries

@@ -78,8 +78,7 @@ class WidthSystem:
         L = lift(gains.L)
         noise = 2 * np.abs(frame.inward(L)) @ lift(gains.noise_bound)
         identity = np.eye(gains.n, dtype=np.int64)
-        b_width = lift(gains.flow_upper) - lift(gains.flow_lower)
-        f = np.abs(frame.inward(identity)) @ b_width
+        f = _disturbance_width(gains, frame, lift)
         out = identity if frame.S is None else np.abs(frame.S)
         N, h = (None, None) if H is None else _jump_width(gains, frame, H, lift)
         if not gains.is_periodic:
@@ -164,7 +163,8 @@ def _jump_width(
     when = "none" if gains.is_periodic else gains.jump_measurement
     M, C, V = lift(gains.M), lift(gains.C), lift(gains.noise_bound)
     through = jump_disturbance_matrix(M, C, len(H), when)
-    c_lower, c_upper = gains.jump_bounds
+    columns, c_lower, c_upper = gains.jump_disturbance
+    through = through @ lift(columns)
     c_width = lift(c_upper) - lift(c_lower)
     M = M if when != "none" else 0 * M
     if frame.S2 is None:
@@ -180,6 +180,14 @@ def _jump_width(
     T = lift(T)
     N = back @ (T + np.abs(T - H2)) @ np.abs(S2_inverse @ frame.S)
     return N, back @ (np.abs(S2_inverse @ through) @ c_width + 2 * np.abs(S2_inverse @ M) @ V)
+
+
+def _disturbance_width(
+    gains: IntervalGains, frame: Coordinates, lift: Callable[[Array], Array]
+) -> Array:
+    """f = |S^-1 Bw| (w_upper - w_lower), Bw = I where the bounds are those of b."""
+    columns, lower, upper = gains.declared_disturbance
+    return np.asarray(np.abs(frame.inward(lift(columns))) @ (lift(upper) - lift(lower)))
 
 
 def periodic_width(
@@ -205,15 +213,14 @@ def periodic_width(
 def slope_scheme(
     gains: IntervalGains, lift: Callable[[Array], Array], inverse: Callable[[Array], Array | None]
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates.
+    """(|L|, |C A|, Mz(A), |C|, f) in the observer's coordinates.
 
-    Between two samples (derivation in `runtime.interval.maps`) sig' = |C A| rho + |C| Delta b and
-    rho' = Mz(A) rho + Delta b, and the width grows by |L| sig.
+    Between two samples (derivation in `runtime.interval.maps`) sig' = |C A| rho + |C| f and
+    rho' = Mz(A) rho + f, and the width grows by |L| sig.
     """
     frame = Coordinates.from_matrices(gains.S, None, inverse, lift)
     A, C = frame.similar(lift(gains.A)), lift(gains.C)
     C = C if frame.S is None else C @ frame.S
-    b_width = lift(gains.flow_upper) - lift(gains.flow_lower)
-    inward = np.abs(frame.inward(np.eye(gains.n, dtype=np.int64)))
+    f = _disturbance_width(gains, frame, lift)
     L = np.abs(frame.inward(lift(gains.L)))
-    return L, np.abs(C @ A), absolute_metzler(A), np.abs(C), inward @ b_width
+    return L, np.abs(C @ A), absolute_metzler(A), np.abs(C), f

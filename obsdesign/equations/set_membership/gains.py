@@ -11,7 +11,6 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, NewEntries, Value
 from obsdesign.equations.clocks import EventGains, SensorGains, clock_data
 from obsdesign.equations.gains import (
-    PlantGains,
     blocks,
     count,
     matrix,
@@ -19,21 +18,21 @@ from obsdesign.equations.gains import (
     plant_data,
     word,
 )
-from obsdesign.equations.plant import Disturbed, Flow, Plant
+from obsdesign.equations.plant import Flow, Plant
+from obsdesign.equations.shaped_gains import ShapedGains, present, shaped_entries
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 IRREGULAR = "irregular"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SetMembershipGains(PlantGains):
+class SetMembershipGains(ShapedGains):
     """The plant's numbers, and how far back and for which directions bounds are computed.
 
     window: number of stages (steps of time and jumps) that a bound looks back at; steps: of the
     search for multipliers in each row. fixed_lag: bounds of the state that many rows ago are given
     as well, None for none. directions (r, n): rows l of further bounds of l'x. measured, period:
-    when a sample is due. disturbance_matrix (n, k): b = Bw w, with w in [disturbance_lower,
-    disturbance_upper], (k,), None where the box is b's own; likewise jump_disturbance_matrix.
+    when a sample is due.
 
     events, sensors: those of a plant with several clocks, which has no other entries of a jump; its
     outputs are those of all sensors, one above the other, and measured is "irregular".
@@ -55,12 +54,6 @@ class SetMembershipGains(PlantGains):
     sensors: tuple[SensorGains, ...] = blocks(SensorGains)
     measured: str = word(*MEASURED, IRREGULAR)
     period: float | None = number(optional=True)
-    disturbance_matrix: Array | None = matrix("n", "k", optional=True)
-    disturbance_lower: Array | None = matrix("k", optional=True)
-    disturbance_upper: Array | None = matrix("k", optional=True)
-    jump_disturbance_matrix: Array | None = matrix("n", "j", optional=True)
-    jump_disturbance_lower: Array | None = matrix("j", optional=True)
-    jump_disturbance_upper: Array | None = matrix("j", optional=True)
     D: Array | None = matrix("n", "q", optional=True)
     d_lower: Array | None = matrix("q", optional=True)
     d_upper: Array | None = matrix("q", optional=True)
@@ -69,15 +62,7 @@ class SetMembershipGains(PlantGains):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        groups = [
-            [f"{prefix}disturbance_{part}" for part in ("matrix", "lower", "upper")]
-            for prefix in ("", "jump_")
-        ]
-        for names in (*groups, ["D", "d_lower", "d_upper"]):
-            stated = [getattr(self, name) is not None for name in names]
-            if any(stated) and not all(stated):
-                missing = names[stated.index(False)]
-                raise ValueError(f"gains.{missing} is required with the other two; it is missing.")
+        self.require_together("D", "d_lower", "d_upper")
         if any(len(event.G) != self.n for event in self.events):
             raise ValueError("gains.events must have one row per state.")
         if self.sensors and sum(sensor.outputs for sensor in self.sensors) != self.p:
@@ -99,17 +84,9 @@ class SetMembershipGains(PlantGains):
         columns, lower, upper = self.declared_disturbance
         if self.D is None:
             return columns, lower, upper
-        ends = zip((lower, upper), (_present(self.d_lower), _present(self.d_upper)), strict=True)
+        ends = zip((lower, upper), (present(self.d_lower), present(self.d_upper)), strict=True)
         low, high = (np.concatenate(pair) for pair in ends)
         return np.hstack([columns, self.D]), low, high
-
-    @property
-    def declared_disturbance(self) -> tuple[Array, Array, Array]:
-        """(Bw, lower, upper): b = Bw w with w in the box; Bw = I where the box is b's own."""
-        if self.disturbance_matrix is None:
-            return np.eye(self.n), self.flow_lower, self.flow_upper
-        lower, upper = self.disturbance_lower, self.disturbance_upper
-        return self.disturbance_matrix, _present(lower), _present(upper)
 
     @property
     def columns(self) -> dict[str, int | bool]:
@@ -133,28 +110,13 @@ class SetMembershipGains(PlantGains):
             ),
         )  # fmt: skip
 
-    @property
-    def jump_disturbance(self) -> tuple[Array, Array, Array]:
-        """The same of c; ValueError where the plant has no jumps."""
-        if self.jump_disturbance_matrix is None:
-            if self.jump_lower is None or self.jump_upper is None:
-                raise ValueError("gains.jump_lower is missing: this plant has no jumps.")
-            return np.eye(self.n), self.jump_lower, self.jump_upper
-        lower, upper = self.jump_disturbance_lower, self.jump_disturbance_upper
-        return self.jump_disturbance_matrix, _present(lower), _present(upper)
-
-
-def _present(values: Array | None) -> Array:
-    """Bounds that come with their matrix."""
-    assert values is not None
-    return values
-
 
 def plant_entries(plant: Plant) -> NewEntries:
     """The plant's numbers that this kind stores."""
     entries = plant_data(plant) if plant.has_one_clock else clock_data(plant)
     if plant.flow.disturbance_matrix is not None:
-        entries |= _bounded("", plant.flow)
+        flow = plant.flow
+        entries |= shaped_entries("", flow.disturbance_matrix, flow.lower, flow.upper)
     if plant.flow.d_bounds is not None:
         entries |= _unknown_input(plant.flow)
     if not plant.has_one_clock:
@@ -162,16 +124,8 @@ def plant_entries(plant: Plant) -> NewEntries:
     if plant.output.period is not None:
         entries["period"] = plant.output.period
     if plant.jump is not None and plant.jump.disturbance_matrix is not None:
-        entries |= _bounded("jump_", plant.jump)
+        entries |= shaped_entries("jump_", *plant.jump.shaped_disturbance)
     return entries | {"measured": plant.output.measured}
-
-
-def _bounded(prefix: str, block: Disturbed) -> NewEntries:
-    return {
-        f"{prefix}disturbance_matrix": block.disturbance_matrix,
-        f"{prefix}disturbance_lower": block.lower,
-        f"{prefix}disturbance_upper": block.upper,
-    }
 
 
 def _unknown_input(flow: Flow) -> NewEntries:

@@ -80,7 +80,7 @@ class ClockKernels:
         return Model(
             A=A, C=exactly(np.zeros((0, n))), L=exactly(np.zeros((n, 0))),
             inputs=exactly(np.column_stack([B, np.eye(n)])), jump_inputs=exactly(np.zeros((n, 0))),
-            b_rad=nothing, c_rad=nothing, V=np.zeros(0), y_mid=np.zeros(0),
+            b_rad=nothing, c_columns=None, c_rad=nothing, V=np.zeros(0), y_mid=np.zeros(0),
             width=metzler_bound(A), S=None, S_inverse=None,
         )  # fmt: skip
 

@@ -30,7 +30,10 @@ from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.status import status_of
 
 _PLANT = ("A", "B", "C", "G", "E", "flow_lower", "flow_upper", "jump_lower", "jump_upper",
-          "noise_bound", "noise_centre", "jump_measurement")  # fmt: skip
+          "noise_bound", "noise_centre", "jump_measurement",
+          "disturbance_matrix", "disturbance_lower", "disturbance_upper",
+          "jump_disturbance_matrix", "jump_disturbance_lower",
+          "jump_disturbance_upper")  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -156,12 +156,12 @@ def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
     """Return the maps of a jump: without its measurement (False) and with it, if there is one."""
     G, M, C = (exactly(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
     n, when, V = gains.n, gains.jump_measurement, model.V
-    c_rad, known = model.c_rad, model.jump_inputs
+    known = model.jump_inputs
     # with samples as events the claims are about |G e^{A s}|: no split of the jump is used
     has_split = gains.Gp is not None and not gains.is_periodic
     plain_N = _jump_width(model, G, gains if has_split and when == "none" else None)
     plain = box_map(model, model.similar(G), None, None, known=model.inward(known), R=plain_N,
-                    g=model.spread(c_rad))  # fmt: skip
+                    g=model.spread(model.c_rad, model.c_columns))  # fmt: skip
     if when == "none":
         return {False: plain}
     through = exactly(np.eye(n))
@@ -169,12 +169,12 @@ def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
     if when == "after":
         through = through - M @ C
         H = through @ G
-    M_z, through_z = model.inward(M), model.inward(through)
+    M_z, through_c = model.inward(M), model.inward(_of_w(model, through))
     if gains.S2 is not None and not gains.is_periodic:
         N, g = _by_second_coordinates(model, gains, H, through)
     else:
         N = _jump_width(model, H, gains if has_split else None)
-        g = raised(size(M_z) @ V + size(through_z) @ c_rad, 2 * (n + len(V)))
+        g = raised(size(M_z) @ V + size(through_c) @ model.c_rad, 2 * (len(model.c_rad) + len(V)))
     corrected = box_map(
         model, model.similar(H), None, M_z, known=model.inward(through @ known), R=N, g=g
     )
@@ -187,7 +187,7 @@ def flow_and_jump_spread(
     """(R, g) of a step of length h +- h_error and an uncorrected jump at its end, as one map."""
     G = model.similar(exactly(gains.jump_matrix))
     Phi = expm(model.A.scaled(h, h_error))
-    added = model.spread(model.c_rad)
+    added = model.spread(model.c_rad, model.c_columns)
     if h > 0:
         added = raised(added + _on_the_way(model, G, h, h_error), 1)
     return size(G @ Phi), added
@@ -212,8 +212,15 @@ def _by_second_coordinates(
     inner = np.abs(T.mid) + size(T - S2_inverse @ H @ S2)
     n = len(back)
     N = raised(back @ raised(inner @ forth, 2 * n), 2 * n)
-    entering = size(S2_inverse @ M) @ model.V + size(S2_inverse @ through) @ model.c_rad
+    entering = (
+        size(S2_inverse @ M) @ model.V + size(S2_inverse @ _of_w(model, through)) @ model.c_rad
+    )
     return N, raised(back @ raised(entering, 4 * n), 2 * n)
+
+
+def _of_w(model: Model, X: Enclosure) -> Enclosure:
+    """X c as a map of w where c is columns @ w."""
+    return X if model.c_columns is None else X @ model.c_columns
 
 
 def driven(A: Enclosure, B: Enclosure, h: float, error: float) -> tuple[Enclosure, Enclosure]:

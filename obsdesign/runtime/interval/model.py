@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.enclosure import Enclosure, inverse, raised
+from lmi.arithmetic.enclosure import Enclosure, inverse, raised, stack
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.boxes import midpoint
 
@@ -22,9 +22,10 @@ exactly = Enclosure.exactly
 class Model:
     """Matrices in z. inputs: [B, middle of b], (n, m + 1).
 
-    jump_inputs: [E, middle of c] as they enter x, n rows; b_rad, c_rad: radii of the disturbances,
-    of c as it enters x; V, y_mid: radius and middle of the noise; width: upper bound of
-    W = D0 + D1; S, S_inverse: None where z is x.
+    jump_inputs: [E, middle of c] as they enter x, n rows; b_rad (n,): radius of b. c is
+    c_columns @ w as it enters x and |w| <= c_rad; without columns c_rad (n,) is that of c. V,
+    y_mid: radius and middle of the noise; width: upper bound of W = D0 + D1; S, S_inverse: None
+    where z is x.
     """
 
     A: Enclosure
@@ -33,6 +34,7 @@ class Model:
     inputs: Enclosure
     jump_inputs: Enclosure
     b_rad: Matrix
+    c_columns: Enclosure | None
     c_rad: Matrix
     V: Matrix
     y_mid: Matrix
@@ -67,11 +69,13 @@ class Model:
         ends = ((known.mid, column.mid), (known.rad, column.rad))
         return Enclosure(*(np.hstack([whole[:, :-1], last]) for whole, last in ends))
 
-    def spread(self, radius: Matrix) -> Matrix:
-        """Radius in z of a box of this radius in x."""
-        if self.S_inverse is None:
+    def spread(self, radius: Matrix, columns: Enclosure | None = None) -> Matrix:
+        """Radius in z of columns @ w, |w| <= radius; without columns of a box of x."""
+        if columns is None and self.S_inverse is None:
             return radius
-        return raised(size(self.S_inverse) @ radius, 2 * len(radius))
+        X = self.S_inverse if columns is None else self.inward(columns)
+        assert X is not None
+        return raised(size(X) @ radius, 2 * len(radius))
 
 
 def observer_model(gains: IntervalGains) -> Model:
@@ -79,23 +83,39 @@ def observer_model(gains: IntervalGains) -> Model:
     S = None if gains.S is None else exactly(gains.S)
     S_inverse = None if gains.S is None else inverse(gains.S)
     A, C, L = (exactly(matrix) for matrix in (gains.A, gains.C, gains.L))
-    b_mid, b_rad = midpoint(gains.flow_lower, gains.flow_upper)
-    B = np.zeros((gains.n, 0)) if gains.B is None else gains.B
-    c_mid, c_rad = np.zeros((2, gains.n)) if gains.G is None else midpoint(*gains.jump_bounds)
-    E = np.zeros((gains.n, 0)) if gains.E is None else gains.E
+    b_columns, c_columns = shapes(gains)
+    _, *b_bounds = gains.declared_disturbance
+    _, *c_bounds = gains.declared_disturbance if gains.G is None else gains.jump_disturbance
+    b_mid, b_rad = midpoint(*b_bounds)
+    c_mid, c_rad = midpoint(*c_bounds)
     y_mid = np.zeros(gains.p) if gains.noise_centre is None else gains.noise_centre
     plant = Model(
-        A=A, C=C, L=L, inputs=exactly(np.column_stack([B, b_mid])), b_rad=b_rad, c_rad=c_rad,
-        jump_inputs=exactly(np.column_stack([E, c_mid])), V=gains.noise_bound, y_mid=y_mid,
+        A=A, C=C, L=L, inputs=_known(gains.B, b_columns, b_mid), b_rad=b_rad,
+        jump_inputs=_known(gains.E, c_columns, c_mid), c_columns=c_columns, c_rad=c_rad,
+        V=gains.noise_bound, y_mid=y_mid,
         width=A.mid, S=S, S_inverse=S_inverse,
     )  # fmt: skip
     A, L = plant.similar(A), plant.inward(L)
     C = C if S is None else C @ S
     F = A if gains.is_periodic else A - L @ C
     return replace(
-        plant, A=A, C=C, L=L, inputs=plant.inward(plant.inputs), b_rad=plant.spread(b_rad),
+        plant, A=A, C=C, L=L, inputs=plant.inward(plant.inputs),
+        b_rad=plant.spread(b_rad, b_columns),
         width=completed(F, gains.D0, gains.D1, is_flow=True),
     )  # fmt: skip
+
+
+def shapes(gains: IntervalGains) -> tuple[Enclosure | None, Enclosure | None]:
+    """Columns of b and of c as they enter x, None where the bounds are those of b and c."""
+    columns = (gains.disturbance_matrix, gains.jump_disturbance_matrix)
+    b, c = (None if X is None else exactly(X) for X in columns)
+    return b, c
+
+
+def _known(inputs: Matrix | None, columns: Enclosure | None, middle: Matrix) -> Enclosure:
+    """Columns of known inputs and, the last one, what the middle of a disturbance adds."""
+    last = exactly(middle[:, None]) if columns is None else columns @ exactly(middle[:, None])
+    return last if inputs is None else stack([[exactly(inputs), last]])
 
 
 def completed(X: Enclosure, plus: Matrix, minus: Matrix, *, is_flow: bool = False) -> Matrix:

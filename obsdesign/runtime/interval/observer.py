@@ -186,6 +186,11 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         return VaryingKernels(self.kernels)
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of axes, with that of what bounds of b of a row leave to the next one."""
+        return super().sizes | {"2k": 2 * len(self.declared_bounds.b.lower)}
+
+    @property
     def declared_bounds(self) -> DeclaredBounds:
         """Bounds of b, c and v that those of a row must not exceed."""
         return self.varying.bounds

@@ -39,11 +39,11 @@ class Course(NamedTuple):
 class HeldBounds(NamedTuple):
     """What bounds of a row leave to the step after it, as inputs of `VaryingKernels`.
 
-    b: (2n,), shift of the middle of b and parts of its declared radii; v: (p,), parts of those of
-    the noise of the measurement that the step starts from.
+    b: (2k,), shifts of the middle of b, or of w where b = Bw w, and parts of the declared radii;
+    v: (p,), parts of those of the noise of the measurement that the step starts from.
     """
 
-    b: Annotated[Matrix, Axes("2n")]
+    b: Annotated[Matrix, Axes("2k")]
     v: Outputs
 
 

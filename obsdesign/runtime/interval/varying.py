@@ -28,7 +28,7 @@ from obsdesign.runtime.boxes import midpoint
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.kernel_rows import Cuts, kernel
 from obsdesign.runtime.interval.maps import BoxMap, jump_maps, step_maps
-from obsdesign.runtime.interval.model import Model, exactly
+from obsdesign.runtime.interval.model import Model, exactly, shapes
 from obsdesign.runtime.interval.state import HeldBounds, IntervalState
 from obsdesign.runtime.interval.step_kernels import KernelsOfStep, StepKernels
 
@@ -52,8 +52,8 @@ class Row(NamedTuple):
 
 def declared_bounds(gains: IntervalGains) -> DeclaredBounds:
     """Declared bounds of a design: those that bounds of a row must not exceed."""
-    c = None if gains.G is None else DeclaredBox("c", *gains.jump_bounds)
-    b = DeclaredBox("b", gains.flow_lower, gains.flow_upper)
+    c = None if gains.G is None else DeclaredBox("c", *gains.jump_disturbance[1:])
+    b = DeclaredBox("b", *gains.declared_disturbance[1:])
     return DeclaredBounds(b, c, declared_noise(gains.noise_bound, gains.noise_centre))
 
 
@@ -77,7 +77,7 @@ class VaryingKernels(StepKernels):
         """
         own = Bounds() if own is None else own
         b, v = declared = self._declared_parts
-        used, c = y, NO_PARTS if self.bounds.c is None else declared.b
+        used, c = y, self._no_shift_of_c
         if own.b is not None:
             b = _parts(self.bounds.b, own.b, self._middles[0])
         if own.v is not None:
@@ -90,7 +90,7 @@ class VaryingKernels(StepKernels):
             c = _parts(self.bounds.c, own.c, self._middles[1])
         pairs = ((b, declared.b), (v, declared.v))
         holds = any(ours is not theirs and (ours != theirs).any() for ours, theirs in pairs)
-        if state.bounds is None and not holds and (c == declared.b[: len(c)]).all():
+        if state.bounds is None and not holds and (c == self._no_shift_of_c).all():
             return Row(self.declared, state.u, y, y, NO_PARTS, None)
         held = state.bounds or declared
         u = np.concatenate([state.u, held.b, held.v, v])
@@ -100,7 +100,15 @@ class VaryingKernels(StepKernels):
     @cached_property
     def _declared_parts(self) -> HeldBounds:
         """No shift, and all of the declared radii."""
-        return HeldBounds(np.repeat([0.0, 1.0], self.gains.n), np.ones(self.gains.p))
+        entries = len(self._middles[0][0])
+        return HeldBounds(np.repeat([0.0, 1.0], entries), np.ones(self.gains.p))
+
+    @cached_property
+    def _no_shift_of_c(self) -> Matrix:
+        """The same of c; empty without jumps."""
+        return (
+            NO_PARTS if self.bounds.c is None else np.repeat([0.0, 1.0], len(self.bounds.c.lower))
+        )
 
     def _of_measurement(self, pair: Pair | None, y: Matrix | None) -> tuple[Matrix, Matrix | None]:
         """(parts of the noise's radii, y less the shift of its middle)."""
@@ -115,29 +123,37 @@ class VaryingKernels(StepKernels):
     def _middles(self) -> tuple[tuple[Matrix, Matrix], ...]:
         """(middle, radius) of b, of c and of v, as the declared kernels have them."""
         gains, n = self.gains, self.gains.n
-        c = (np.zeros(n), np.zeros(n)) if gains.G is None else midpoint(*gains.jump_bounds)
-        b = midpoint(gains.flow_lower, gains.flow_upper)
+        c = (np.zeros(n), np.zeros(n)) if gains.G is None else midpoint(*gains.jump_disturbance[1:])
+        b = midpoint(*gains.declared_disturbance[1:])
         return b, c, (self.declared.model.y_mid, gains.noise_bound)
+
+    @cached_property
+    def _shapes(self) -> tuple[Enclosure | None, Enclosure | None]:
+        """Columns of b and of c, None where the bounds are those of b and c."""
+        return shapes(self.gains)
 
     @cached_property
     def model(self) -> Model:
         """The plant without radii of disturbances and noise, with shifts of b and c as inputs."""
-        model, n = self.declared.model, self.gains.n
-        shifts = exactly(np.eye(n))
+        model, b, c = self.declared.model, *self._shapes
+        identity = exactly(np.eye(self.gains.n))
         return replace(
             model,
-            inputs=_before_last(model.inputs, model.inward(shifts)),
-            jump_inputs=_before_last(model.jump_inputs, shifts),
-            b_rad=np.zeros(n), c_rad=np.zeros(n), V=np.zeros(self.gains.p),
+            inputs=_before_last(model.inputs, model.inward(identity if b is None else b)),
+            jump_inputs=_before_last(model.jump_inputs, identity if c is None else c),
+            b_rad=np.zeros_like(model.b_rad), c_rad=np.zeros_like(model.c_rad),
+            V=np.zeros(self.gains.p),
         )  # fmt: skip
 
     @cached_property
     def _models(self) -> tuple[tuple[Model | None, ...], ...]:
         """For each entry of b, c and v the model with its declared radius alone; None if zero."""
-        model = self.model
+        model, shape = self.model, self._shapes[0]
         b, c, v = (np.diag(radius) for _, radius in self._middles)
         return (
-            tuple(replace(model, b_rad=model.spread(row)) if row.any() else None for row in b),
+            tuple(
+                replace(model, b_rad=model.spread(row, shape)) if row.any() else None for row in b
+            ),
             tuple(replace(model, c_rad=row) if row.any() else None for row in c),
             tuple(replace(model, V=row) if row.any() else None for row in v),
         )

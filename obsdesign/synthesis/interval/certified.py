@@ -52,7 +52,7 @@ def certified(
     remarks: tuple[Remark, ...] = (),
 ) -> Candidate:
     """The candidate of finished gains, with what may help to prove it."""
-    system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
+    system = WidthSystem.from_gains(gains, exact, inverse)
     objective = objective_of(problem)
     cost = _cost(problem, gains) if objective == "narrowest" else None
     certificates = Certificates()
@@ -66,7 +66,7 @@ def certified(
                 system.W, system.N, low, high, **stability_options(problem, budget)
             )
     if budget.remaining() > 0:
-        widths = _widths(problem, gains, system, approx)
+        widths = _widths(problem, gains, system)
         certificates = certificates.joined(widths)
         # where a spacing was named, the observer watches it
         if "sampled_width" in widths.evidence and problem.plant.output.period is not None:
@@ -77,12 +77,10 @@ def certified(
     )  # fmt: skip
 
 
-def _widths(
-    problem: Problem, gains: IntervalGains, system: WidthSystem, approx: WidthSystem
-) -> Certificates:
+def _widths(problem: Problem, gains: IntervalGains, system: WidthSystem) -> Certificates:
     """Return certificates of the width with a continuous y, and with samples of it."""
     certificates: dict[str, Entries] = {}
-    width = proved_width(system, approx, *gains.dwell_ends)
+    width = proved_width(system, *gains.dwell_ends)
     if width is not None:
         certificates["width"] = width
     if problem.plant.output.measured == "continuous":

@@ -60,18 +60,18 @@ class SampledPlant:
         self.budget = budget
         units = balanced_units(problem)
         self.S, self.rows = np.diag(units.sizes) if S is None else S, units.rows
-        self.inward = np.linalg.inv(self.S)
+        self.inward: Matrix = np.asarray(np.linalg.inv(self.S))
         self.h = float(problem.require("output.period"))
         self.A, self.C = self.inward @ plant.flow.A @ self.S, plant.output.C @ self.S
         self.C = self.C / self.rows[:, None]
         self.V = problem.require_noise_bound() / self.rows
-        self.f = np.abs(self.inward) @ np.subtract(*plant.flow.b_bounds[::-1])
+        self.f = plant.flow.disturbance_width(self.inward)
         self.G: Matrix | None = None
         self.j = np.zeros(plant.n)
         self.dwell = (math.inf, math.inf)
         if plant.jump is not None:
             self.G = self.inward @ plant.jump.G @ self.S
-            self.j = np.abs(self.inward) @ np.subtract(*plant.jump.c_bounds[::-1])
+            self.j = plant.jump.disturbance_width(self.inward)
             self.dwell = problem.require_dwell_time()
         self.gain_limit = given_limit(problem)
         self.limit = sampling_limit(problem, S, units)

@@ -87,8 +87,8 @@ def _sampled_candidate(search: GainSearch, form: str, trial: _SampledTrial) -> C
     problem, given = search.problem, search.given
     searched = "L" not in given or ("S" in trial.frame and "S" not in problem.gains)
     gains = gains_of_form(problem, form, trial.L, given.get("M", 0 * trial.L), trial.frame)
-    system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
-    certificate = propose_samples(gains, system, approx)
+    system = WidthSystem.from_gains(gains, exact, inverse)
+    certificate = propose_samples(gains, system)
     value = trial.cost if search.objective == "narrowest" else None
     certificates = {"sampled_stability": certificate}
     solvers: Solvers = () if "L" in given else trial.solvers

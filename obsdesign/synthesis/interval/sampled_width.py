@@ -18,7 +18,7 @@ from lmi.prove.hurwitz import rightmost
 from obsdesign.analysis.interval.interleaved import interleaved
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
-from obsdesign.synthesis.interval.tube import ROOM, Units, least, proved_width
+from obsdesign.synthesis.interval.tube import ROOM, Units, least, nearest, proved_width
 
 _OFFSETS, _FINE, _MOST_PERIODS = 24, 400, 400
 _HALVINGS = 14
@@ -49,15 +49,15 @@ class SampledTube:
         return Bounds(exact(self.tube), exact(self.sampled), jumped, exact(self.always))
 
 
-def propose_samples(gains: IntervalGains, system: WidthSystem, approx: WidthSystem) -> NewEntries:
+def propose_samples(gains: IntervalGains, system: WidthSystem) -> NewEntries:
     """Return {"maps"} and, where it is proved, {"tube", "sampled", ("jumped",) "always"}.
 
-    For samples as events. system, approx: exact and in floats, with A, K and k.
+    For samples as events. system: exact, with A, K and k.
     """
     assert gains.period is not None
     maps = {"maps": SAMPLED_MAPS}
     ends = gains.dwell_ends
-    proposal = sampled_tube(approx, gains.period, ends, gains.skips_jumps)
+    proposal = sampled_tube(nearest(system), gains.period, ends, gains.skips_jumps)
     if proposal is None:
         return maps
     question = interleaved(system, gains.period, *ends, gains.skips_jumps)
@@ -218,13 +218,7 @@ def spaced_tube(
         return None
     more, drift = added
     spaced = replace(system, W=system.W + more, f=system.f + drift)
-    arrays: NewEntries = {
-        name: None if value is None else to_float(exact(value))
-        for name, value in vars(spaced).items()
-    }
-    approx = WidthSystem(**arrays)
-    if not np.isfinite(approx.W).all():
+    W = nearest(spaced).W
+    if not np.isfinite(W).all() or (math.isinf(high) and not rightmost(W).real < 0):
         return None
-    if math.isinf(high) and not rightmost(approx.W).real < 0:
-        return None
-    return proved_width(spaced, approx, low, high, vanishing=True)
+    return proved_width(spaced, low, high, vanishing=True)

@@ -100,7 +100,7 @@ class Task:
         L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
         low, high = (math.inf, math.inf) if plant.jump is None else problem.require_dwell_time()
         G, C_jump, h0 = _jump_error(plant, M, basis, inward, V)
-        f0 = np.abs(inward) @ np.subtract(*plant.flow.b_bounds[::-1]) + 2 * np.abs(inward @ L) @ V
+        f0 = plant.flow.disturbance_width(inward) + 2 * np.abs(inward @ L) @ V
         pace = pace_of_search(problem, units)
         limit_L, limit_M = gain_caps(problem, S, units, pace)
         constraints = _open_gains(problem, given, user)
@@ -267,6 +267,5 @@ def _jump_error(
     if plant.jump is None:
         return None, C, np.zeros(plant.n)
     C_jump = seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
-    added = np.abs(inward) @ np.subtract(*plant.jump.c_bounds[::-1])
-    added = added + 2 * np.abs(inward @ M) @ V
+    added = plant.jump.disturbance_width(inward) + 2 * np.abs(inward @ M) @ V
     return inward @ (plant.jump.G - M @ C_jump) @ basis, C_jump, added

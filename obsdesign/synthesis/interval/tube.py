@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.arithmetic.balancing import Scaling
-from lmi.arithmetic.balls import exact
+from lmi.arithmetic.balls import exact, to_float
 from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.bounds.tube import Tube, prove_tube
 from lmi.families import Edge
@@ -30,13 +30,22 @@ _ROOMS = (ROOM, 1e-4, 1e-2)
 _ROUNDS, _FINE = 12, 800
 
 
+def nearest(system: WidthSystem) -> WidthSystem:
+    """The exact system in floats, each entry rounded once: what cancels stays small."""
+    entries: NewEntries = {
+        name: None if X is None else to_float(exact(X)) for name, X in vars(system).items()
+    }
+    return WidthSystem(**entries)
+
+
 def proved_width(
-    system: WidthSystem, approx: WidthSystem, low: float, high: float, vanishing: bool = False
+    system: WidthSystem, low: float, high: float, vanishing: bool = False
 ) -> dict[str, list[float]] | None:
-    """Return the proposal of `propose_width` for the float twin of a system, if it is proved.
+    """Return the proposal of `propose_width` for an exact system, if it is proved.
 
     vanishing: also where nothing enters and the width tends to zero, to show just that.
     """
+    approx = nearest(system)
     if system.N is None:
         return propose_limit(approx, vanishing)
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))

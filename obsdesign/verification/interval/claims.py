@@ -22,7 +22,7 @@ from obsdesign.document import Claim
 from obsdesign.entries import is_number
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.gains import IntervalGains, shaped_data
 from obsdesign.equations.interval.splits import in_coordinates
 from obsdesign.equations.interval.width import Coordinates, WidthSystem, error_matrices
 from obsdesign.problem.options import IntervalOptions
@@ -234,6 +234,7 @@ def expected_gains(problem: Problem, stored: Entries) -> NewEntries:
         expected |= {"Gp": (n, n), "Gn": (n, n)}
     if form == "coordinates":
         expected |= {"S": (n, n)}
+    expected |= {name: value for name, value in shaped_data(plant).items() if name in stored}
     zeros = {name: np.zeros((n, p)) for name in idle_gains(plant)}
     given = dict(problem.gains)
     if (R := given.pop("R", None)) is not None:  # R is stored as D0; S and S2 are built for it

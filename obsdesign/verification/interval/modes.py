@@ -16,7 +16,7 @@ from obsdesign.analysis.interval.mode_graph import ModeSystem
 from obsdesign.analysis.modes import FORMS, graph_of_spans, stays_text
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.gains import IntervalGains, shaped_data
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.equations.modes import SwitchedGains
 from obsdesign.problem.options import IntervalOptions
@@ -90,12 +90,12 @@ def width_modes(system: ModeSystem) -> Modes:
 
 def expected_gains(problem: Problem, place: int, stored: Entries) -> Entries:
     """Entries of the stored gains of a mode: the value that the problem fixes, or its shape."""
-    del stored
     plant, n, p = problem.plant.in_mode(place, entered=True), problem.plant.n, problem.plant.p
     form = problem.options_as(IntervalOptions).form
     expected: NewEntries = {"form": set(FORMS) if form == "auto" else {form}}
     expected |= plant_data(plant) | {"L": (n, p), "M": np.zeros((n, p)), "D0": (n, n), "D1": (n, n)}
     expected |= {} if plant.jump is None else {"Gp": (n, n), "Gn": (n, n)}
+    expected |= {name: value for name, value in shaped_data(plant).items() if name in stored}
     return expected | dict(problem.in_modes[place].gains)
 
 
