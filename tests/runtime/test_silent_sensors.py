@@ -21,6 +21,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Estimate, Sample, rows_of
 from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
+from tests.systems.designs import designed
 
 KINDS = ("interval", "set_membership")
 _START = {"lower": np.full(2, -2.0), "upper": np.full(2, 2.0)}
@@ -44,8 +45,7 @@ SPRING: dict[str, Any] = {
 
 
 def design_of(kind: str, body: dict[str, Any] = SPRING) -> Design:
-    problem = Problem.from_dict({**copy.deepcopy(body), "observer": {"kind": kind}})
-    return obsdesign.design(problem, allow_undecided=True)
+    return designed({**body, "observer": {"kind": kind}}, allow_undecided=True)
 
 
 def without_change(body: dict[str, Any]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver
 from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
 from tests.systems.clocks import DOSES
+from tests.systems.designs import designed
 
 _START = {"lower": np.full(3, -2.0), "upper": np.full(3, 2.0)}
 # rounding of a record, relative to the bounds
@@ -55,9 +56,8 @@ GAINS = {
 
 def observer_of(body: dict[str, Any], gains: Any = None) -> ClockedIntervalObserver:
     observer = {"kind": "interval", "gains": gains or {}}
-    problem = Problem.from_dict({**body, "observer": observer})
-    design = obsdesign.design(problem, allow_undecided=True)  # of widths, which these are not about
-    made = from_design(design)
+    # undecided where widths are, which these tests are not about
+    made = from_design(designed({**body, "observer": observer}, allow_undecided=True))
     assert isinstance(made, ClockedIntervalObserver)
     return made
 
@@ -147,7 +147,7 @@ def test_rows_that_say_nothing_change_nothing(body: dict[str, Any]) -> None:
 
 
 def test_batches_streams_and_stored_states_give_the_same_bounds() -> None:
-    design = obsdesign.design(Problem.from_dict(SPRING), allow_undecided=True)
+    design = designed(SPRING, allow_undecided=True)
     observer: Any = from_design(design)
     run = record(SPRING, 4)
     rows = samples_of(run)
@@ -288,7 +288,7 @@ def test_gains_stand_in_a_table_for_each_event_and_sensor() -> None:
     problem = Problem.from_dict({**SPRING, "observer": {"kind": "interval", "gains": GAINS}})
     assert problem.to_dict()["observer"]["gains"].keys() == GAINS.keys()
     assert Problem.from_dict(problem.to_dict()) == problem
-    design = obsdesign.design(problem, allow_undecided=True)
+    design = designed(problem.to_dict(), allow_undecided=True)
     assert np.array_equal(design.gains["L"][:, :2], GAINS["both"]["L"])
     assert np.array_equal(design.gains["M"][0], GAINS["kick"]["M"])
     assert obsdesign.verify(design).claims[0].verdict == "proved"
@@ -296,8 +296,9 @@ def test_gains_stand_in_a_table_for_each_event_and_sensor() -> None:
 
 @pytest.mark.parametrize("place", [("L", (0, 0)), ("M", (0, 0, 2)), ("C", (0, 0))])
 def test_gains_that_are_not_those_of_the_problem_are_refuted(place: tuple[str, Any]) -> None:
-    problem = Problem.from_dict({**SPRING, "observer": {"kind": "interval", "gains": GAINS}})
-    design = obsdesign.design(problem, allow_undecided=True)
+    design = designed(
+        {**SPRING, "observer": {"kind": "interval", "gains": GAINS}}, allow_undecided=True
+    )
     name, entry = place
     changed = np.array(design.gains[name])
     changed[entry] += 1e-3

@@ -16,6 +16,7 @@ from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
+from tests.systems.designs import designed
 from tests.systems.event_widths import (
     doses,
     is_stable,
@@ -94,7 +95,7 @@ def test_widths_between_samples_are_those_of_their_ages() -> None:
 @pytest.mark.parametrize("body", [two_states((2, 3), 0.5), doses(2), motor(0.03, 0.15)])
 def test_bounds_that_run_are_as_narrow_as_claimed(body: dict[str, Any]) -> None:
     """Whatever the clocks do inside what is stated: random times, ends of ranges, lost samples."""
-    design = obsdesign.design(Problem.from_dict(body))
+    design = designed(body)
     evidence = next(c.evidence for c in design.claims if c.id == "event_width")
     always, observer = np.array(evidence["always"]), from_design(design)
     n, until = len(always), 12.0 if body["name"] == "motor" else 100.0
@@ -162,7 +163,7 @@ def test_two_sensors_together_do_what_none_does_alone() -> None:
 @pytest.mark.parametrize("body", [two_states((2, 3), 0.5), motor(0.03, 0.15)])
 @pytest.mark.parametrize("name", ["event_stability", "event_width"])
 def test_a_forged_tube_is_not_believed(body: dict[str, Any], name: str) -> None:
-    design = obsdesign.design(Problem.from_dict(body))
+    design = designed(body)
     assert obsdesign.verify(design).verdict == "proved"
     claim = next(c for c in design.claims if c.id == name)
     tube = np.array(claim.evidence["tube"])
@@ -181,7 +182,7 @@ def test_a_forged_tube_is_not_believed(body: dict[str, Any], name: str) -> None:
 
 def test_a_tube_of_other_clocks_is_not_believed() -> None:
     """The graph is made from the problem: a tube for samples twice as often proves nothing."""
-    good, bad = (obsdesign.design(Problem.from_dict(motor(gap, 0.15)), allow_undecided=True)
+    good, bad = (designed(motor(gap, 0.15), allow_undecided=True)
                  for gap in (0.015, 0.03))  # fmt: skip
     assert obsdesign.verify(replace(bad, claims=good.claims)).verdict != "proved"
 

@@ -22,6 +22,7 @@ from obsdesign.document import Design
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample, rows_of
+from tests.systems.designs import designed
 from tests.systems.event_widths import doses, is_stable, system_of, two_states
 
 Floats = NDArray[np.float64]
@@ -56,7 +57,7 @@ def bolus(gap: float) -> dict[str, Any]:
 
 @functools.cache
 def _designed(plant: Callable[..., dict[str, Any]], *arguments: Any) -> Design:
-    return obsdesign.design(Problem.from_dict(plant(*arguments)), allow_undecided=True)
+    return designed(plant(*arguments), allow_undecided=True)
 
 
 def _evidence(design: Design) -> dict[str, Any]:
