@@ -86,7 +86,7 @@ def test_second_coordinates_that_are_the_first_change_nothing(when: str) -> None
     c = np.sort(rng.standard_normal((2, 3)), axis=0)
     gains: Any = SimpleNamespace(
         is_periodic=False, jump_measurement=when, M=M, C=C, noise_bound=np.array([0.25]),
-        jump_bounds=(c[0], c[1]), jump_split=(H, 0 * H), T=H,
+        jump_disturbance=(np.eye(3), c[0], c[1]), jump_split=(H, 0 * H), T=H,
     )  # fmt: skip
     one, two = (
         _jump_width(

@@ -186,7 +186,7 @@ def two_tanks(**flow: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def test_an_interval_observer_takes_the_box_around_d() -> None:
+def test_an_interval_observer_takes_d_along_its_columns() -> None:
     bounded = two_tanks(
         D=[[1], [-2]], d_bounds={"lower": [-0.5], "upper": [0.25], "rate": [1.0]},
         disturbance={"lower": [0, -1], "upper": [0.5, 1]},
@@ -194,8 +194,12 @@ def test_an_interval_observer_takes_the_box_around_d() -> None:
     boxed = two_tanks(disturbance={"lower": [-0.5, -1.5], "upper": [0.75, 2]})
     own, other = (obsdesign.design(Problem.from_dict(body)) for body in (bounded, boxed))
     assert all(claim.verdict == "proved" for claim in own.claims)
-    assert jsonable(own.gains) == jsonable(other.gains)
-    assert [(c.id, c.evidence) for c in own.claims] == [(c.id, c.evidence) for c in other.claims]
+    assert own.gains["disturbance_matrix"].tolist() == [[1, 0, 1], [0, 1, -2]]
+    always, of_box = (
+        np.array(claim.evidence["always"])
+        for design in (own, other) for claim in design.claims if claim.id == "width"
+    )  # fmt: skip
+    assert (always <= of_box * (1 + 1e-9)).all()
     # bounds of a row are of b alone, and say nothing of b + D d
     free = copy.deepcopy(bounded)
     del free["flow"]["d_bounds"]
