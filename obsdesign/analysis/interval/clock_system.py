@@ -65,9 +65,9 @@ class ClockSystem:
         """(shortest, longest) time between two events of a name."""
         return self.gains.events[event].dwell_range
 
-    def longest_silence(self, sensor: int, age: Fraction) -> Fraction:
-        """Longest time without a sample after an event, where the last one is so old there."""
-        return self.gap(sensor) - age
+    def carried_age(self, cell: int) -> int:
+        """Cell of the time since a sensor was due, after an event, for that of its last sample."""
+        return cell
 
     def gap(self, sensor: int) -> Fraction:
         """Longest time between two samples of a sensor."""

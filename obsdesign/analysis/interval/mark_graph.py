@@ -88,6 +88,10 @@ class MarkGraph:
         grown = less(later, own)
         return None if grown is None else meet(time, grown)
 
+    def silence(self, sensor: int, cell: int) -> Range:
+        """Times until the next sample of a sensor, where the age of the last one is in a cell."""
+        return Fraction(0), self.system.gap(sensor) - self.cells[sensor][cell][0]
+
     def place(self, sort: str, *places: int) -> int:
         """The place of a node, which is made if it is new."""
         return self.places.setdefault(Node(sort, places), len(self.places))
@@ -199,9 +203,8 @@ class MarkGraph:
     def _unsampled(self, mark: int, sensor: int, earlier: Range) -> Iterator[Passage]:
         """To a time before a mark, in a range, from marks since which a sensor was silent."""
         for before in self.preceding[mark]:
-            for j, age in enumerate(self.cells[sensor]):
-                silence = (Fraction(0), self.system.longest_silence(sensor, age[0]))
-                since = meet(before.time, silence)
+            for j in range(len(self.cells[sensor])):
+                since = meet(before.time, self.silence(sensor, self.system.carried_age(j)))
                 time = None if since is None else less(since, earlier)
                 if time is not None and (before.mark, j) in self.aged[sensor]:
                     source = self.place("aged", before.mark, sensor, j)

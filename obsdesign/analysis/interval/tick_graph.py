@@ -73,22 +73,35 @@ class TickGraph(TimeGraph):
                 return [*super().strategies(node), self._before(mark, NO_TIME)]
         return super().strategies(node)
 
-    def _ages(self, kind: int, sensor: int, k: int) -> list[int]:
-        """Cells of the last sample at a tick, at the mark for k = 0."""
+    def _at_mark(self, kind: int, sensor: int) -> list[int]:
+        """Cells of the last sample just before a mark."""
         cells = range(len(self.cells[sensor]))
-        if k:
-            return list(cells)
         return [i for i in cells if any((x, i) in self.aged[sensor] for x in self._of_kind(kind))]
+
+    def _ages(self, kind: int, sensor: int, k: int) -> set[int]:
+        """Cells of the last sample at a tick, for k = 0 those that the mark leaves."""
+        if not k:
+            return {self.system.carried_age(i) for i in self._at_mark(kind, sensor)}
+        ticks, cells = self.ticks[sensor], range(len(self.cells[sensor]))
+        if k == ticks.count:  # it stands for later ones too, at which any age is reached
+            return set(cells)
+        older = {j + ticks.cells for j in self._ages(kind, sensor, k - 1)}
+        return set(cells[: ticks.cells]) | older & set(cells)
 
     def _before_tick(self, sensor: int, k: int) -> list[int]:
         """Ticks before one: the last one stands for later ones too, and is before itself."""
         return [k - 1, k] if k == self.ticks[sensor].count else [k - 1]
 
-    def _from_tick(self, kind: int, sensor: int, k: int, cell: int, time: Range) -> Passage:
+    def _from_tick(
+        self, kind: int, sensor: int, k: int, cell: int, time: Range
+    ) -> Iterator[Passage]:
         """From a tick on, from the mark for k = 0."""
         if k:
-            return passage(self.place("tick", kind, sensor, k, cell), None, time)
-        return passage(self.place("aged_kind", kind, sensor, cell), kind, time)
+            yield passage(self.place("tick", kind, sensor, k, cell), None, time)
+            return
+        for i in self._at_mark(kind, sensor):
+            if self.system.carried_age(i) == cell:
+                yield passage(self.place("aged_kind", kind, sensor, i), kind, time)
 
     def _of_tick(self, kind: int, sensor: int, k: int, cell: int) -> list[Strategy]:
         ticks = self.ticks[sensor]
@@ -99,9 +112,10 @@ class TickGraph(TimeGraph):
             own = passage(last, self.sampled(sensor), self.cells[sensor][cell])
             return [(own,), self._whatever_is_sampled(kind, sensor, k, whole), during]
         older = [
-            self._from_tick(kind, sensor, before, cell - ticks.cells, whole)
+            each
             for before in self._before_tick(sensor, k)
             if cell - ticks.cells in self._ages(kind, sensor, before)
+            for each in self._from_tick(kind, sensor, before, cell - ticks.cells, whole)
         ]
         return [tuple(older), during]
 
@@ -120,19 +134,19 @@ class TickGraph(TimeGraph):
 
     def _unsampled_since(self, kind: int, sensor: int, k: int, times: Range) -> Iterator[Passage]:
         """From the tick before to times in the tick that k ends, where nothing is sampled since."""
-        gap = self.system.gap(sensor)
         for before in self._before_tick(sensor, k):
             for j in self._ages(kind, sensor, before):
-                time = meet(times, (Fraction(0), gap - self.cells[sensor][j][0]))
+                time = meet(times, self.silence(sensor, j))
                 if time is not None:
-                    yield self._from_tick(kind, sensor, before, j, time)
+                    yield from self._from_tick(kind, sensor, before, j, time)
 
     def _whatever_is_sampled(self, kind: int, sensor: int, k: int, time: Range) -> Strategy:
         """From the tick before, of which some time has passed."""
         return tuple(
-            self._from_tick(kind, sensor, before, j, time)
+            each
             for before in self._before_tick(sensor, k)
             for j in self._ages(kind, sensor, before)
+            for each in self._from_tick(kind, sensor, before, j, time)
         )
 
     def _in_tick(self, kind: int, sensor: int, k: int) -> Strategy:
@@ -159,4 +173,4 @@ class TickGraph(TimeGraph):
                 time = None if reached is None else less(reached, (start, start))
             if time is not None:
                 for j in self._ages(kind, sensor, k):
-                    yield self._from_tick(kind, sensor, k, j, time)
+                    yield from self._from_tick(kind, sensor, k, j, time)

@@ -147,7 +147,7 @@ class TimeGraph(MarkGraph):
 
     def _silent(self, kind: int, sensor: int, times: Range) -> Iterator[Passage]:
         """From the mark, where there is no sample since."""
-        for j, (age, _) in enumerate(self.cells[sensor]):
-            time = meet(times, (Fraction(0), self.system.longest_silence(sensor, age)))
+        for j in range(len(self.cells[sensor])):
+            time = meet(times, self.silence(sensor, self.system.carried_age(j)))
             if time is not None and any((x, j) in self.aged[sensor] for x in self._of_kind(kind)):
                 yield passage(self.place("aged_kind", kind, sensor, j), kind, time)

@@ -61,9 +61,9 @@ class WindowSystem(ClockSystem):
         shortest = self.dwell(0)[0]
         return tuple(k for k in ClockSystem(self.gains).counted if self.gap(k) <= shortest)
 
-    def longest_silence(self, sensor: int, age: Fraction) -> Fraction:
-        """The gap, whatever the age: samples in a window are not used, and its time is left out."""
-        return self.gap(sensor)
+    def carried_age(self, cell: int) -> int:
+        """The first cell: behind a sample in the window, which is not used, a full gap may come."""
+        return 0
 
     def dwell(self, event: int) -> tuple[float, float]:
         """(shortest, longest) time from the end of a window to the next one."""
