@@ -18,10 +18,10 @@ from lmi.arithmetic.enclosure import TINY
 
 _SIGNS = np.array([[1.0], [-1.0]])  # of z in its distance from its lower and its upper end
 _START = 10.0
-_TO_BOUNDARY = 0.995
+_TO_BOUNDARY = 0.99
 _SMALLEST_NOISE = 1e-7  # of a scaled row: strips of no width keep an interior
 # duality gap, in parts of the width that the best multipliers give, at which a direction is done
-_CONVERGED = 1e-3
+_CONVERGED = 8e-4
 _FEWEST_ENTRIES = 4000  # of H, from which on its zeros are worth leaving out
 
 
@@ -96,16 +96,18 @@ class _Iteration:
     def _step(self, gap: Matrix, missing: Matrix) -> None:
         """One predictor and corrector step."""
         Z, room = self.Z, self.room
-        theta = 1.0 / (Z / room).sum(axis=1)
+        ratio = Z / room
+        theta = 1.0 / (ratio[:, 0] + ratio[:, 1])
         normal = self._normal(theta)
         slack = self.q - self.pulled
         dz = self._direction(normal, theta, missing, slack)[0]
         change = dz[:, None] * _SIGNS
         part = change / room
         after = 1.0 + part
-        length = _length(part, after)
-        crossed = change * Z * after  # minus the product of both changes
-        less = (1.0 - length) * gap - length * length * crossed.sum(axis=(1, 2))
+        far, back = _lengths(part, after)
+        gained = change * Z
+        crossed = gained * after  # minus the product of both changes
+        less = (1.0 - back) * gap + (far - back) * _sum(gained) - far * back * _sum(crossed)
         target = (less / gap) ** 3 * gap / (2 * self.K)
         lift = (target[:, None, None] + crossed) / room
         dz, dlam, pull = self._direction(
@@ -114,9 +116,10 @@ class _Iteration:
         change = dz[:, None] * _SIGNS
         part = change / room
         less = Z * (1.0 + part) - lift
-        length = _TO_BOUNDARY * _length(part, less / Z)
-        length = np.where(np.isfinite(length) & np.isfinite(dlam).all(axis=1), length, 0.0)
-        self._move(length, [dz, dlam, pull, change, less])
+        far, back = _lengths(part, less / Z)
+        is_made = np.isfinite(far + back) & np.isfinite(dlam).all(axis=1)
+        share = np.where(is_made, _TO_BOUNDARY, 0.0)
+        self._move((share * far, share * back), [dz, change, dlam, pull, less])
 
     def _normal(self, theta: Matrix) -> Matrix:
         """H diag(theta) H' + diag of the rest, (B, M, M)."""
@@ -129,20 +132,18 @@ class _Iteration:
         normal.reshape(B, -1)[:, :: M + 1] += theta[:, self.R :]
         return normal
 
-    def _move(self, length: Matrix, steps: list[Matrix]) -> None:
-        """Go so far in z, lam, pulled and room, back in Z; keep the best multipliers."""
-        if not length.all():  # a step that is not finite is not made
-            is_made = length > 0
+    def _move(self, lengths: tuple[Matrix, Matrix], steps: list[Matrix]) -> None:
+        """Go so far in z and room, and so far in lam, pulled and Z; keep the best multipliers."""
+        is_made = lengths[0] > 0.0
+        if not is_made.all():  # a step that is not finite is not made
             steps = [
                 np.where(is_made.reshape(-1, *[1] * (x.ndim - 1)), x, 0.0) for x in steps
             ]  # fmt: skip
-        dz, dlam, pull, change, less = steps
-        far = length[:, None]
-        self.z, self.lam, self.pulled = (
-            self.z + far * dz, self.lam + far * dlam, self.pulled + far * pull
-        )  # fmt: skip
-        far = far[:, None]
-        self.room, self.Z = self.room + far * change, self.Z - far * less
+        dz, change, dlam, pull, less = steps
+        far, back = (length[:, None] for length in lengths)
+        self.z, self.room = self.z + far * dz, self.room + far[:, None] * change
+        self.lam, self.pulled = self.lam + back * dlam, self.pulled + back * pull
+        self.Z = self.Z - back[:, None] * less
         R = self.R
         half = np.abs(self.pulled[:, :R] - self.q[:, :R]).sum(axis=1)
         value = half + np.abs(self.lam) @ self.w[R:] - self.lam @ self.rho
@@ -180,11 +181,16 @@ def _blocks(A: Matrix) -> list[tuple[int, slice]]:
     return [(row, slice(a, b)) for row, a, b in zip(starts, begins, ends, strict=True) if b > a]
 
 
-def _length(part: Matrix, less: Matrix) -> Matrix:
-    """The longest step, at most 1, that keeps z inside and its multipliers nonnegative.
+def _lengths(part: Matrix, less: Matrix) -> tuple[Matrix, Matrix]:
+    """The longest steps, at most 1: one keeps z inside, the other its multipliers nonnegative.
 
     part: what the room grows by, in parts of it; less: what the multipliers lose, in parts of them.
     """
     B = len(part)
-    rate = np.maximum(-part.reshape(B, -1).min(axis=1), less.reshape(B, -1).max(axis=1))
-    return np.asarray(1.0 / np.maximum(rate, 1.0))
+    far, back = -part.reshape(B, -1).min(axis=1), less.reshape(B, -1).max(axis=1)
+    return 1.0 / np.maximum(far, 1.0), 1.0 / np.maximum(back, 1.0)
+
+
+def _sum(values: Matrix) -> Matrix:
+    """Sums (B,) of (B, 2, K)."""
+    return np.asarray(np.einsum("bik->b", values))
