@@ -23,6 +23,8 @@ from obsdesign.equations.impulsive_input.gains import ImpulsiveInputGains
 _LEAST_LEVEL_SHARE = 1e-3
 # part of an output that rounding of sums of squares hides: no noise counts as smaller
 _LEAST_CV = 1e-7
+# of rows by which a window is judged where a mean would be that of an outlier
+USUAL_SHARE = 0.75
 # |r|^2 of a fit that noise alone explains is below this, once in a thousand windows: chi-squared
 # quantiles by Wilson and Hilferty, z = 3.0902
 Z_SCORE = 3.090232306167813
@@ -66,14 +68,20 @@ def whitening(taps: Matrix, spread: Matrix) -> Whitening:
     return Whitening(np.concatenate(white, axis=2), np.vstack(maps))
 
 
-def noise_deviation(gains: ImpulsiveInputGains, y: Matrix, level: Matrix) -> Matrix:
+def noise_deviation(gains: ImpulsiveInputGains, y: Matrix, level: Matrix, usual: Matrix) -> Matrix:
     """Deviations of the noise of outputs y (..., p) of a `noise_level` (p,).
 
-    That of y = 0 is none where std and level are zero: nothing shows how large noise may be.
+    usual (..., p): the size of outputs of which rounding hides a part. That of y = 0 is none where
+    std and level are zero: nothing shows how large noise may be.
     """
-    std, cv = gains.noise_std, least_cv(gains)
+    std, rounding = gains.noise_std, _LEAST_CV * usual if gains.noisy else 0.0 * usual
     size = np.where(std > 0, np.abs(y), np.maximum(np.abs(y), _LEAST_LEVEL_SHARE * level))
-    return np.asarray(np.hypot(std, cv * size))
+    return np.asarray(np.hypot(np.hypot(std, gains.noise_cv * size), rounding))
+
+
+def usual_size(y: Matrix) -> Matrix:
+    """Size (p,) below which three of four outputs (rows, p) are: of no outlier."""
+    return np.asarray(np.quantile(np.abs(y), USUAL_SHARE, axis=0))
 
 
 def noise_level(largest: Matrix) -> Matrix:

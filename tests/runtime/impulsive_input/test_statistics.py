@@ -16,7 +16,7 @@ from obsdesign.runtime.impulsive_input import whitening
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History, short_dwell
 from obsdesign.runtime.impulsive_input.initial import impulse_sizes
-from obsdesign.runtime.impulsive_input.integral import covariance, recursions
+from obsdesign.runtime.impulsive_input.integral import covariance, noise_level, recursions
 from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
 from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, Search, smoothed
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine, _event
@@ -63,15 +63,16 @@ def test_deviations_of_the_noise() -> None:
         noise_std=np.array([0.3, 0.0]), noise_cv=np.array([0.4, 0.1]), noisy=True
     )
     y, level = np.array([[1.0, 0.0], [-2.0, -2.0]]), np.array([5.0, 4.0])
-    values = whitening.noise_deviation(gains, y, level)
+    values = whitening.noise_deviation(gains, y, level, y[0])
     np.testing.assert_allclose(values, [[0.5, 0.1 * 4e-3], [math.hypot(0.3, 0.8), 0.2]], rtol=1e-12)
-    nothing = whitening.noise_deviation(gains, np.zeros((1, 2)), np.zeros(2))
+    nothing = whitening.noise_deviation(gains, np.zeros((1, 2)), np.zeros(2), np.zeros(2))
     assert nothing.tolist() == [[0.3, 0.0]]  # a unit of y is no deviation
     # rounding counts, and an output that shows nothing is no more exact than the others
     fine: Any = SimpleNamespace(noise_std=np.array([1e-12]), noise_cv=np.zeros(1), noisy=True)
-    assert whitening.noise_deviation(fine, np.ones(1), np.ones(1)) == pytest.approx(1e-7)
+    assert whitening.noise_deviation(fine, *3 * [np.ones(1)]) == pytest.approx(1e-7)
     exact: Any = SimpleNamespace(noise_std=np.zeros(1), noise_cv=np.zeros(1), noisy=False)
-    assert whitening.noise_deviation(exact, np.ones(1), np.ones(1)) == 0
+    assert whitening.noise_deviation(exact, *3 * [np.ones(1)]) == 0
+    assert whitening.usual_size(np.array([[1.0], [-2.0], [1e30], [1.0], [2.0]])) == 2
     assert whitening.noise_level(np.array([0.0, 4.0])).tolist() == [4e-3, 4.0]
 
 
@@ -333,3 +334,14 @@ def test_a_moving_average_is_given_as_soon_as_its_rows_are_there(first: int) -> 
     expected = [values[max(k - 2, 0) : k + 3].mean() for k in range(first, 8)]
     np.testing.assert_allclose(means, expected, rtol=1e-12)
     assert (smoothed(times, values, first, 0.0) == values[first:]).all()
+
+
+def test_sums_of_windows_forget_an_outlier() -> None:
+    values = np.random.default_rng(7).uniform(0.5, 1.5, (40, 2))
+    values[3] = 1e60
+    counts = np.array([5, 1, 16, 7, 9, 13, 30, 0])
+    sums = noise_level.sums_from(values, counts)
+    for k, count in enumerate(counts):
+        np.testing.assert_allclose(sums[k], values[k : k + count].sum(axis=0), rtol=1e-14)
+    later = noise_level.sums_from(values[4:], counts[4:])
+    assert (later == sums[4:]).all()  # bit for bit, however a record is cut

@@ -25,7 +25,11 @@ from obsdesign.runtime.impulsive_input.integral.noise_level import Whitener
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from obsdesign.runtime.impulsive_input.integral.scan import Scan
 from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, smoothed
-from obsdesign.runtime.impulsive_input.whitening import noise_deviation, noise_level
+from obsdesign.runtime.impulsive_input.whitening import (
+    noise_deviation,
+    noise_level,
+    usual_size,
+)
 
 # without noise |R| must exceed this part of what the output itself leaves in it: interpolation,
 # rounding
@@ -141,7 +145,7 @@ class IntegralEngine:
         """The scan with values for the windows of features R, in the noise of each."""
         first = len(scan.values)
         variances = self.whitener.variances(track, first, first + len(R))
-        known, noise, k = (variances > 0).all(axis=1), scan.noise, 0
+        known, noise, k = np.asarray((variances > 0).all(axis=1)), scan.noise, 0
         values, sigmas = np.zeros(len(R)), np.zeros(len(R))  # at rest there is nothing to judge by
         while k < len(R):
             if not known[k]:
@@ -185,7 +189,9 @@ class IntegralEngine:
             y=y,
             error=self.run.residual(track, row, stop),
             taps=self.evaluator.taps(times),
-            spread=noise_deviation(self.run.gains, y, noise_level(np.abs(y).max(axis=0))),
+            spread=noise_deviation(
+                self.run.gains, y, noise_level(np.abs(y).max(axis=0)), usual_size(y)
+            ),
         )
 
     def _half(self, live: IntegralLive) -> float:

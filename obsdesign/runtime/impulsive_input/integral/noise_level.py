@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Array, Indices, Matrix
 from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.runtime.impulsive_input.integral.covariance import propagated
 from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator, Window
@@ -37,7 +37,7 @@ class NoiseLevel:
     sigma: float
     position: Position | None
 
-    def reaches(self, variances: Matrix) -> Matrix:
+    def reaches(self, variances: Matrix) -> Array:
         """Whether scaling does for windows of variances (k, p), (k,)."""
         ratio = variances / self.variances
         return np.asarray(((ratio <= _SCALED) & (ratio * _SCALED >= 1)).all(axis=1))
@@ -60,10 +60,9 @@ class Whitener:
         """Mean variances of the samples of windows that begin at rows first .. last - 1, (k, p)."""
         gains = self.evaluator.gains
         ends = np.searchsorted(track.t, track.t[first:last] + gains.window, side="right")
-        sums = np.concatenate([np.zeros((1, gains.p)), np.cumsum(track.y[first:] ** 2, axis=0)])
-        ends, starts = np.minimum(ends, len(track.t)) - first, np.arange(last - first)
-        squares = (sums[ends] - sums[starts]) / (ends - starts)[:, None]
-        level = noise_level(np.sqrt(np.maximum(squares, 0.0)))
+        counts = np.minimum(ends, len(track.t)) - np.arange(first, last)
+        squares = sums_from(track.y[first:] ** 2, counts) / counts[:, None]
+        level = noise_level(np.sqrt(squares))
         return np.asarray(gains.noise_std**2 + (least_cv(gains) * level) ** 2)
 
     def level(self, window: Window, variances: Matrix) -> NoiseLevel:
@@ -95,5 +94,20 @@ class Whitener:
         T = whitening(window.taps, spread).T
         noise = evaluator.responses(window).sources(square_root(P), spread)
         size = (np.abs(window.taps.T) @ np.abs(window.y)).T.reshape(-1)
-        upper = np.linalg.qr(np.vstack([noise, np.diag(_ROUNDING * size)]) @ T.T, mode="r")
+        upper = np.linalg.qr(np.vstack([noise, np.diag(_ROUNDING * size)]) @ T.T)[1]
         return np.asarray(np.linalg.solve(upper.T, T))
+
+
+def sums_from(values: Matrix, counts: Indices) -> Matrix:
+    """Sums (k, p) of as many rows as counts (k,) says, from rows 0 .. k - 1 of values on.
+
+    By sums of 1, 2, 4, ... rows: no difference of running sums, in which an outlier would leave its
+    rounding for ever, and the same whatever rows are before and behind.
+    """
+    sums, at, size = np.zeros((len(counts), values.shape[1])), np.arange(len(counts)), 1
+    while size <= counts.max(initial=0):
+        used = (counts & size) > 0
+        sums[used] += values[at[used]]
+        at[used] += size
+        values, size = values[:-size] + values[size:], 2 * size
+    return sums

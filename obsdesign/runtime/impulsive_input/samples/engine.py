@@ -146,7 +146,7 @@ class SamplesEngine:
         if not np.isfinite(y).all():
             return Row(t, None, u, self.gains.noise_std)
         level = self.outputs * noise_level(level / self.outputs)
-        return Row(t, y, u, noise_deviation(self.gains, y, level))
+        return Row(t, y, u, noise_deviation(self.gains, y, level, np.abs(y)))
 
     def _scaled(self, live: SampledLive, level: Matrix) -> SampledLive:
         """The state with another level; open rows at rest get their noise from the first one."""
