@@ -17,6 +17,7 @@ from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF
 from obsdesign.problem.output import Output
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
+from obsdesign.problem.timing import Timing
 
 HEAD = {
     "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -41,6 +42,7 @@ BLOCKS = {
     "flow": (Flow, "x'(t) = A x + B u(t) + D d(t) + b(t) between jumps."),
     "jump": (Jump, "x(t) = G x(t-) + E w[k] + H g[k] + c[k] at jump times."),
     "output": (Output, "y = C x + v."),
+    "timing": (Timing, "What the clocks of events have in common."),
 }
 CLOCKS = {
     "event": (Event, "A jump by a name of its own, as [jump], on a clock of its own."),

@@ -127,5 +127,5 @@ def clock_data(plant: Plant) -> NewEntries:
     data: NewEntries = flow_data(plant) | {"C": outputs.C, "sensors": sensors}
     data |= {"events": events} if events else {}
     data |= {"noise_bound": outputs.noise_radius, "noise_centre": outputs.noise_centre}
-    data |= {"jump_measurement": "before"}
+    data |= {"jump_measurement": "before", "spacing": plant.timing.spacing or None}
     return {name: value for name, value in data.items() if value is not None}

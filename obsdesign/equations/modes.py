@@ -39,12 +39,14 @@ class ModeSpan(Stored):
 class SwitchedGains(Generic[ModeGains]):
     """Modes in the order of the problem, with the gains of each, and events within modes.
 
-    Gains of a mode with a map on entry have it as their jump G.
+    Gains of a mode with a map on entry have it as their jump G. spacing: least time between events
+    of different names, None for none.
     """
 
     spans: tuple[ModeSpan, ...]
     gains: tuple[ModeGains, ...]
     events: tuple[EventGains, ...] = ()
+    spacing: float | None = None
 
     def __post_init__(self) -> None:
         """ValueError unless modes differ in name, follow each other, and all are of one size."""
@@ -70,6 +72,7 @@ class SwitchedGains(Generic[ModeGains]):
             tuple(ModeSpan.from_document(own) for own in listed),
             tuple(kind.from_document(own) for own in listed),
             tuple(EventGains.from_document(own) for own in event_entries(entries)),
+            entries.get("spacing"),
         )
 
     def to_document(self) -> NewEntries:
@@ -77,7 +80,8 @@ class SwitchedGains(Generic[ModeGains]):
         pairs = zip(self.spans, self.gains, strict=True)
         modes = [span.to_document() | own.to_document() for span, own in pairs]
         events = [event.to_document() for event in self.events]
-        return {"modes": modes} | ({"events": events} if events else {})
+        stated: NewEntries = {"events": events or None, "spacing": self.spacing}
+        return {"modes": modes} | {name: own for name, own in stated.items() if own is not None}
 
     @property
     def names(self) -> tuple[str, ...]:

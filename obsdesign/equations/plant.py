@@ -175,6 +175,14 @@ class Output(Protocol):
         """At a jump: before, after or none."""
 
 
+class Timing(Protocol):
+    """What the clocks of events have in common."""
+
+    @property
+    def spacing(self) -> float:
+        """Least time between two events of different names."""
+
+
 class Plant(Protocol):
     """A flow, its events if it has any, and its sensors."""
 
@@ -189,6 +197,10 @@ class Plant(Protocol):
     @property
     def outputs(self) -> Output:
         """Outputs of all sensors together."""
+
+    @property
+    def timing(self) -> Timing:
+        """What clocks have in common."""
 
     @property
     def has_one_clock(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -136,6 +137,39 @@ def check_modes(modes: Sequence[Mode]) -> None:
             raise InputError(
                 f"{mode.entry}.next must name a mode, since {mode.entry}.every ends; got none."
             )
+
+
+class ModalEvent(Protocol):
+    """What modes ask of an event."""
+
+    @property
+    def entry(self) -> str:
+        """What messages call it."""
+
+    @property
+    def modes(self) -> tuple[str, ...] | None:
+        """Names of the modes in which alone it happens, None for any."""
+
+    @property
+    def stamp_error(self) -> float:
+        """Largest time between it and its stamp."""
+
+
+def check_events_of_modes(modes: Sequence[Mode], events: Sequence[ModalEvent]) -> None:
+    """InputError for an event in modes that the plant does not have, or in none."""
+    names = [mode.name for mode in modes]
+    for event in events:
+        entry, own = f"{event.entry}.modes", event.modes or ()
+        if event.modes is not None and not names:
+            raise InputError(f"{entry} requires [[mode]]; there are none.")
+        for k, name in enumerate(own):
+            if name not in names or name in own[:k]:
+                listed = ", ".join(names)
+                raise InputError(f"{entry} must name modes ({listed}), once each; got {name!r}.")
+        if event.modes == ():
+            raise InputError(f"{entry} must name a mode; got none.")
+        if names and event.stamp_error:
+            raise InputError(f"{event.entry}.time_error is not available with [[mode]].")
 
 
 def spans_of(modes: Sequence[Mode]) -> tuple[ModeSpan, ...]:

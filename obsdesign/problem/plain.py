@@ -14,11 +14,12 @@ from obsdesign.problem.modes import Mode
 from obsdesign.problem.output import Output
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import entry_name
+from obsdesign.problem.timing import Timing
 
 
 def as_block(value: Value) -> Value:
     """Dataclasses and arrays as the plain dicts and lists of a file."""
-    if isinstance(value, Flow | Jump | Output | Mode):
+    if isinstance(value, Flow | Jump | Output | Mode | Timing):
         stated = [x.name for x in fields(value) if entry_name(x) or x.name == "upper"]
         names = [name for name in stated if getattr(value, name) is not None]
         block = {name: as_block(getattr(value, name)) for name in names}

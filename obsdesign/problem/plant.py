@@ -29,11 +29,12 @@ from obsdesign.entries import matrix, missing_entry, real, require_shape, size_t
 from obsdesign.errors import InputError, naming
 from obsdesign.problem.blocks import DISTURBANCE, DisturbedBlock, set_fields
 from obsdesign.problem.flow import Flow
-from obsdesign.problem.modes import Mode, check_modes
+from obsdesign.problem.modes import Mode, check_events_of_modes, check_modes
 from obsdesign.problem.output import IRREGULAR, Output, every_step, stacked
 from obsdesign.problem.schema import DWELL_RANGE, file_entry, ref
 from obsdesign.problem.several_clocks import require_fixed, require_one
 from obsdesign.problem.time_ranges import require_on_grid, time_range
+from obsdesign.problem.timing import Timing
 
 # what is left out: __post_init__ fills it in, and for a jump the plant, which knows the sizes
 _DEFAULT: Value = None
@@ -134,7 +135,8 @@ class Plant:
     """Flow, events and sensors of n states and p measurements, those of all sensors together.
 
     jump: one jump, its several events, or None: the plant never jumps; output: one, or several
-    sensors; modes: flows that take turns, none by default. InputError where
+    sensors; modes: flows that take turns, none by default; timing: what clocks have in common.
+    InputError where
     their sizes differ, or y is measured at jumps and there are none.
     """
 
@@ -142,6 +144,7 @@ class Plant:
     events: tuple[Jump, ...]
     sensors: tuple[Output, ...]
     modes: tuple[Mode, ...]
+    timing: Timing
     n: int
     p: int
 
@@ -151,6 +154,7 @@ class Plant:
         jump: Jump | Sequence[Jump] | None,
         output: Output | Sequence[Output],
         modes: Sequence[Mode] = (),
+        timing: Timing | None = None,
     ) -> None:
         n, why = len(flow.A), f"one per state of flow.A ({size_text(flow.A)})"
         listed = (jump,) if isinstance(jump, Jump) else tuple(jump or ())
@@ -165,12 +169,14 @@ class Plant:
             require_on_grid((*events, *sensors), flow.dt)
         p = sum(len(sensor.C) for sensor in sensors)
         set_fields(self, flow=flow, events=events, sensors=sensors, modes=tuple(modes), n=n, p=p)
+        set_fields(self, timing=timing or Timing())
         for sensor in sensors:  # in discrete time a reading changes from step to step
             if flow.dt is not None and sensor.sends_on_change is not None:
                 raise InputError(f"{sensor.entry}.sends_on_change is not available with flow.dt.")
         if modes:
             self._check_modes()
-        self._check_modes_of_events()
+        check_events_of_modes(self.modes, events)
+        self.timing.check(len(events), flow.dt, self.uncertain_events)
         if self.uncertain_events:
             self._check_uncertain_times(f"event.{self.uncertain_events[0]}.time_error")
 
@@ -199,24 +205,6 @@ class Plant:
             mode.check_sizes(self.n, self.p, m, len(flow.lower))
             self.in_mode(self.modes.index(mode))
 
-    def _check_modes_of_events(self) -> None:
-        """InputError for an event in modes that the plant does not have, or in none."""
-        names = [mode.name for mode in self.modes]
-        for event in self.events:
-            entry = f"{event.entry}.modes"
-            if event.modes is not None and not names:
-                raise InputError(f"{entry} requires [[mode]]; there are none.")
-            for k, name in enumerate(event.modes or ()):
-                if name not in names or name in (event.modes or ())[:k]:
-                    listed = ", ".join(names)
-                    raise InputError(
-                        f"{entry} must name modes ({listed}), once each; got {name!r}."
-                    )
-            if event.modes == ():
-                raise InputError(f"{entry} must name a mode; got none.")
-            if names and event.stamp_error:
-                raise InputError(f"{event.entry}.time_error is not available with [[mode]].")
-
     def in_mode(self, place: int, *, entered: bool = False) -> Plant:
         """The plant as it is in one mode, without any change of it.
 
@@ -230,7 +218,8 @@ class Plant:
             if mode.C is not None:
                 sensors = (replace(sensors[0], C=mode.C),)
         if not entered:
-            return Plant(flow, [replace(event, modes=None) for event in self.events], sensors)
+            events = [replace(event, modes=None) for event in self.events]
+            return Plant(flow, events, sensors, timing=self.timing)
         return Plant(flow, None if mode.entry_map is None else Jump(G=mode.entry_map), sensors)
 
     @property

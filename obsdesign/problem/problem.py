@@ -31,11 +31,12 @@ from obsdesign.problem.output import Output
 from obsdesign.problem.plain import as_block, entries_of
 from obsdesign.problem.plant import Jump, Plant
 from obsdesign.problem.schema_errors import check_structure
+from obsdesign.problem.timing import Timing
 
 Blocks = Entries
 _Options = TypeVar("_Options", bound=Options)
 
-_KEYS = ("name", "flow", "jump", "output", "event", "sensor", "mode", "observer")
+_KEYS = ("name", "flow", "jump", "output", "event", "sensor", "mode", "timing", "observer")
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -45,8 +46,8 @@ class Problem:
     Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file
     (docs/problem_file.md); arrays may be numpy arrays. event, sensor: lists of blocks, in place of
     jump and output where there are several, or they have clocks of their own; mode: list of blocks
-    of flows that take turns. gains: by name, in
-    the shapes of the kind (L (n, p), M (n, p), ...). InputError for anything a problem file may not
+    of flows that take turns; timing: block of what clocks have in common. gains: by name, in the
+    shapes of the kind (L (n, p), M (n, p), ...). InputError for anything a problem file may not
     hold; one line, which entry, what was required, what arrived.
     """
 
@@ -67,9 +68,11 @@ class Problem:
         event: Sequence[Event | Blocks] | None = None,
         sensor: Sequence[Sensor | Blocks] | None = None,
         mode: Sequence[Mode | Blocks] | None = None,
+        timing: Timing | Blocks | None = None,
     ) -> None:
         plain: NewEntries = {"name": name, "flow": flow, "output": output, "jump": jump}
-        plain |= {"event": event, "sensor": sensor, "mode": mode, "observer": observer}
+        plain |= {"event": event, "sensor": sensor, "mode": mode, "timing": timing}
+        plain |= {"observer": observer}
         body: NewEntries = {
             key: as_block(value)
             for key, value in plain.items()
@@ -116,6 +119,7 @@ class Problem:
         else:
             blocks |= {"jump": plant.jump, "output": plant.output}
         blocks |= {"mode": plant.modes or None}
+        blocks |= {"timing": plant.timing if plant.timing.spacing else None}
         body: NewEntries = {"name": self.name}
         body |= {name: as_block(block) for name, block in blocks.items() if block is not None}
         observer = {} if self.kind is None else {"kind": self.kind}
@@ -255,11 +259,12 @@ def _plant(body: Entries) -> Plant:
     flow = Flow(**given)
     if "sensor" not in body:
         jump = Jump(**entries_of(body["jump"])) if "jump" in body else None
-        return Plant(flow, jump, Output(**body["output"]), listed)
+        timing = Timing(**body.get("timing", {}))
+        return Plant(flow, jump, Output(**body["output"]), listed, timing)
     events = [Event(**entries_of(block)) for block in body.get("event", ())]
     sensors = [Sensor(**entries_of(block)) for block in body["sensor"]]
     check_clocks(events, sensors)
-    return Plant(flow, events, sensors, listed)
+    return Plant(flow, events, sensors, listed, Timing(**body.get("timing", {})))
 
 
 def _first_of_all(modes: Sequence[Blocks]) -> Value:

@@ -91,7 +91,7 @@ def from_design(design: Design, path: str = "design") -> Observer:
 # gains that repeat an entry of the problem, and where it stands there
 _REPEATED = (
     ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
-    ("dt", "flow", "dt"),
+    ("dt", "flow", "dt"), ("spacing", "timing", "spacing"),
     ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"), ("period", "output", "period"),
     ("dwell_time", "jump", "dwell_time"), ("dwell_jitter", "jump", "dwell_jitter"),
     ("jump_measurement", "output", "jump_measurement"), ("noise_centre", "output", "noise_bound"),
@@ -123,7 +123,7 @@ def _same_plant(design: Design) -> None:
         stated = table.get(key) if isinstance(table, dict) else None
         if key == "noise_bound":
             stated = _noise_part(stated, name)
-        is_needed = name in ("noise_centre", "dt") and stated is not None
+        is_needed = name in ("noise_centre", "dt", "spacing") and stated is not None
         given = name in design.gains or is_needed
         if name == "disturbance_matrix" and blocks["flow.d_bounds"] and "D" not in design.gains:
             continue  # the columns of D are columns of it
@@ -163,7 +163,10 @@ def _same_modes(design: Design) -> None:
     events, given = design.problem.get("event", []), design.gains.get("events", [])
     tables = [flow, output, *(x for pair in pairs for x in pair)]
     is_same = bool(pairs) and all(isinstance(x, dict) for x in tables)
+    timing = design.problem.get("timing", {})
     is_same = is_same and _same_events(given, events)
+    is_same = is_same and isinstance(timing, dict)
+    is_same = is_same and design.gains.get("spacing") == timing.get("spacing")
     if is_same:
         names = [str(mode.get("name")) for _, mode in pairs]
         is_same = all(

@@ -168,11 +168,11 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
 
         No claim counts on an event: one that comes late, or never, takes nothing from it.
         """
-        return NamedEvents([
-            event if event.dwell_time is None
-            else replace(event, dwell_time=np.array([event.dwell_range[0], math.inf]))
+        events = [
+            replace(event, dwell_time=np.array([event.dwell_range[0], math.inf]))
             for event in self.gains.events
-        ])  # fmt: skip
+        ]
+        return NamedEvents(events, spacing=self.gains.spacing)
 
     def keeps_measurement(self, before: int, after: int) -> bool:
         """Is y the same function of the state before and after this change?"""

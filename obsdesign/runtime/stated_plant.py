@@ -14,7 +14,7 @@ def plain_blocks(problem: Entries) -> Entries:
     sensors, events = problem.get("sensor"), problem.get("event", ())
     if not isinstance(sensors, list) or not all(isinstance(x, dict) for x in [*sensors, *events]):
         return problem
-    blocks: NewEntries = {name: problem.get(name) for name in ("flow", "observer")}
+    blocks: NewEntries = {name: problem.get(name) for name in ("flow", "timing", "observer")}
     blocks["output"] = _together(sensors) if _is_irregular(sensors, events) else _of(sensors[0])
     if len(events) == 1 and not _is_irregular(sensors, events):
         every = events[0].get("every")

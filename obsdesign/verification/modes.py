@@ -36,15 +36,20 @@ def consistent_modes(
     if objection := reason_against_modes(problem):
         return inconsistent(objection), None
     spans, events = spans_of(problem.plant.modes), events_of(problem.plant)
-    names = {"modes", "events"} if events else {"modes"}
+    spacing = problem.plant.timing.spacing or None
+    names = {"modes"} | ({"events"} if events else set()) | ({"spacing"} if spacing else set())
     try:
         listed, stated = mode_entries(stored), event_entries(stored)
         if set(stored) != names or len(listed) != len(spans):
-            raise ValueError(f"gains must hold {len(spans)} modes, {len(events)} events, no more")
+            raise ValueError(
+                f"gains must hold {len(spans)} modes, {', '.join(sorted(names))} alone"
+            )
     except ValueError as error:
         return inconsistent(str(error)), None
-    if not same(jsonable(stated), jsonable([event.to_document() for event in events])):
-        return inconsistent("gains.events differ from what the problem says"), None
+    wanted = {"events": [event.to_document() for event in events], "spacing": spacing}
+    for name, value in {"events": stated, "spacing": stored.get("spacing")}.items():
+        if not same(jsonable(value), jsonable(wanted[name])):
+            return inconsistent(f"gains.{name} differ from what the problem says"), None
     claim: Claim | None = None
     for k, (span, own) in enumerate(zip(spans, listed, strict=True)):
         entries = {name: _as_array(value) for name, value in own.items()}

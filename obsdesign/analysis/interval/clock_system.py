@@ -69,6 +69,11 @@ class ClockSystem:
         """Cell of the time since a sensor was due, after an event, for that of its last sample."""
         return cell
 
+    @property
+    def spacing(self) -> Fraction:
+        """Least time between two events of different names."""
+        return Fraction(self.gains.spacing or 0.0)
+
     def gap(self, sensor: int) -> Fraction:
         """Longest time between two samples of a sensor."""
         return Fraction(self.gains.sensors[sensor].gap)

@@ -3,7 +3,8 @@
 A mark states which events happen, one or several of a row, and how long ago the others did, in
 cells of time. The time from one mark to the next is in a range that both leave: of an event that
 happens at the second it is its stated one, less the time that had passed at the first; of every
-other event it takes the time that had passed from its cell to the next one's. Whatever events do,
+other event it takes the time that had passed from its cell to the next one's. At a mark every other
+event is at least the stated spacing ago. Whatever events do,
 their marks follow each other so.
 """
 
@@ -34,6 +35,11 @@ def meet(one: Range, two: Range) -> Range | None:
     ends = [high for _, high in (one, two) if high is not None]
     low, high = max(one[0], two[0]), min(ends, default=None)
     return None if high is not None and high < low else (low, high)
+
+
+def met(ranges: Sequence[Range], one: Range) -> list[Range]:
+    """What each of some ranges has in common with one, where there is any."""
+    return [own for each in ranges if (own := meet(each, one)) is not None]
 
 
 def less(one: Range, two: Range) -> Range | None:
@@ -112,7 +118,11 @@ class Marks:
 
     def _ages(self, kind: Sequence[int]) -> list[list[Range]]:
         """Of every event the ranges of the time since its last, just before a mark."""
-        return [[dwell] if e in kind else self._cells(dwell) for e, dwell in self.dwells.items()]
+        apart: Range = (self.system.spacing, None)
+        return [
+            [dwell] if e in kind else met(self._cells(dwell), apart)
+            for e, dwell in self.dwells.items()
+        ]
 
     def _cells(self, dwell: Range) -> list[Range]:
         """Cells of the time since an event: up to the shortest until the next one, and beyond."""
@@ -166,6 +176,8 @@ def _kinds(system: ClockSystem, events: Sequence[int]) -> list[tuple[int, ...]]:
     Several events of a row that no sensor is read at are the same as one by one.
     """
     kinds: list[tuple[int, ...]] = [(e,) for e in events]
+    if system.spacing:  # never in one row
+        return kinds
     for size in range(2, len(events) + 1):
         kinds += [kind for kind in permutations(events, size) if any(map(system.is_read, kind))]
     return kinds

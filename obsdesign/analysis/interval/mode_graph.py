@@ -2,9 +2,9 @@
 
 A node is a mark: an entry into a mode, or an event in it, with the time that every event is ago,
 and at events also the entry, in cells. An event comes no sooner than its shortest time after the
-last one of its name, and need not come; a stay lasts as long as stated. The time from one mark to
-the next is in a range that both leave (`Mark.until`), and everything that happens goes from mark to
-mark. Source: Lemma of `lmi.bounds.graph_tube`, docs/modes.md.
+last one of its name, and than the spacing after others, and need not come; a stay lasts as long as
+stated. The time from one mark to the next is in a range that both leave (`Mark.until`), and all
+that happens goes from mark to mark. Source: theorem of `lmi.bounds.graph_tube`, docs/modes.md.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.bounds.graph_tube import Graph, Least, Passage
-from obsdesign.analysis.interval.marks import NO_TIME, Mark, Range, parts_of
+from obsdesign.analysis.interval.marks import NO_TIME, Mark, Range, met, parts_of
 from obsdesign.analysis.interval.passage_times import passage
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.clocks import EventGains
@@ -30,7 +30,7 @@ from obsdesign.equations.modes import ModeSpan, SwitchedGains
 
 MOST_CELLS = 64
 # marks, and passages between them, of a graph that is proved
-_MOST_NODES, _MOST_PASSAGES = 200, 800
+_MOST_NODES, _MOST_PASSAGES = 200, 1200
 # cells of a shortest stay, in which a mode makes up for others: so many for each of an event's time
 _FINER = 4
 # the clock of the stay, beside those of events by their places
@@ -163,7 +163,8 @@ class _Builder:
                 if not self.system.events[event].may_happen(name):
                     continue
                 ready = (self.system.shortest(event), None)
-                own = [[ready] if e == event else self._ages(e) for e in self.events]
+                apart = (Fraction(self.system.gains.spacing or 0.0), None)
+                own = [[ready] if e == event else met(self._ages(e), apart) for e in self.events]
                 for stay, ages in product(self._stay_cells(mode), product(*own)):
                     due = {_STAY: stay, **dict(enumerate(ages))}
                     yield _Node(mode, event, Mark((event,), due))

@@ -9,7 +9,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Value
 from obsdesign.equations.clocks import EventGains, SensorGains, clock_data
-from obsdesign.equations.gains import PlantGains, blocks, matrix
+from obsdesign.equations.gains import PlantGains, blocks, matrix, number
 from obsdesign.equations.plant import Plant
 
 
@@ -19,7 +19,8 @@ class ClockedIntervalGains(PlantGains):
 
     L (n, p): x+ = x + L_s (y_s - C_s x) at a sample of sensor s, whose columns are those of its
     outputs; M (e, n, p): for each of e events x+ = G x + M (y - C x), None without events. A
-    corrected box is kept only where it is the narrower one: every gain is sound.
+    corrected box is kept only where it is the narrower one: every gain is sound. spacing: least
+    time between events of different names, None for none.
     """
 
     noise_bound: Array = matrix("p")
@@ -27,6 +28,7 @@ class ClockedIntervalGains(PlantGains):
     sensors: tuple[SensorGains, ...] = blocks(SensorGains)
     L: Array = matrix("n", "p")
     M: Array | None = matrix("e", "n", "p", optional=True)
+    spacing: float | None = number(optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()

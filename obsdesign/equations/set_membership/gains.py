@@ -37,6 +37,8 @@ class SetMembershipGains(ShapedGains):
     events, sensors: those of a plant with several clocks, which has no other entries of a jump; its
     outputs are those of all sensors, one above the other, and measured is "irregular".
 
+    spacing: least time between events of different names, None for none.
+
     D (n, q), d_lower, d_upper (q,): an unknown input d between these bounds acts as D d, None
     without one; d_rate (q,): bounds of |d'|, with which d is estimated too, None for any.
 
@@ -52,6 +54,7 @@ class SetMembershipGains(ShapedGains):
     directions: Array | None = matrix("r", "n", optional=True)
     events: tuple[EventGains, ...] = blocks(EventGains)
     sensors: tuple[SensorGains, ...] = blocks(SensorGains)
+    spacing: float | None = number(optional=True)
     measured: str = word(*MEASURED, IRREGULAR)
     period: float | None = number(optional=True)
     D: Array | None = matrix("n", "q", optional=True)

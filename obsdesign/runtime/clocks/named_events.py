@@ -12,15 +12,21 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.clocks import EventGains
 from obsdesign.runtime.base import Sample, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.jump import no_jumps
 
 
 @dataclass(frozen=True)
 class NamedEvents:
-    """Events in their order; dt: step of discrete time, None for a flow."""
+    """Events in their order.
+
+    dt: step of discrete time, None for a flow; spacing: least time between two events of different
+    names, None for none.
+    """
 
     events: Sequence[EventGains]
     dt: float | None = None
+    spacing: float | None = None
 
     def first_guards(self) -> tuple[DwellGuard, ...]:
         """Guards before any event."""
@@ -68,7 +74,24 @@ class NamedEvents:
             following.append(own)
             if violation is not None:
                 sentences.append(self.titled(k, violation))
-        return tuple(following), sentences
+        return tuple(following), sentences + self._too_close(guards, t, events)
+
+    def _too_close(
+        self, guards: Sequence[DwellGuard], t: float, events: Sequence[int]
+    ) -> list[str]:
+        """Sentences on events that come too soon after one of another name."""
+        if not self.spacing:
+            return []
+        last = {k: guard.last_jump for k, guard in enumerate(guards)}
+        sentences = []
+        for k in events:
+            for other, at in last.items():
+                if other == k or at is None or t - at >= self.spacing - time_tolerance(t - at, t):
+                    continue
+                apart = f"time {t - at:.9g} since {self.events[other].name}"
+                sentences.append(self.titled(k, f"{apart}, below {self.spacing:.9g}"))
+            last[k] = t
+        return sentences
 
     def titled(self, event: int, sentence: str) -> str:
         """A sentence on an event, with its name unless it is [jump]."""

@@ -288,7 +288,8 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
 
     @cached_property
     def _clocks(self) -> NamedClocks:
-        return NamedClocks(self.gains.events, self.gains.dt, self.gains.sensors)
+        gains = self.gains
+        return NamedClocks(gains.events, gains.dt, gains.spacing, gains.sensors)
 
     @cached_property
     def _silent(self) -> SilentSensors:

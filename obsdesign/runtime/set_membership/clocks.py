@@ -93,7 +93,7 @@ class Clocks:
         """The clocks of the design."""
         gains = self.gains
         if gains.sensors:
-            return NamedClocks(gains.every_event, gains.dt, gains.sensors)
+            return NamedClocks(gains.every_event, gains.dt, gains.spacing, gains.sensors)
         return OneClock(gains.every_event, gains=gains)
 
     @property

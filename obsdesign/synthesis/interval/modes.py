@@ -38,7 +38,8 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
         gains.append(own)
         remarks += more
     plant = problem.plant
-    switched = SwitchedGains(spans_of(plant.modes), tuple(gains), events_of(plant))
+    spacing = plant.timing.spacing or None
+    switched = SwitchedGains(spans_of(plant.modes), tuple(gains), events_of(plant), spacing)
     certificates = mode_certificates(problem, switched, budget)
     searched = any("L" not in own.gains for own in problem.in_modes)
     yield Candidate(

@@ -49,7 +49,8 @@ def _candidate(
             pace = pace_of_stays(plant.modes[k].every)
             L = zero if speed is None else _riccati(own, speed, rate, pace)
         gains.append(LuenbergerGains.from_plant(plant.in_mode(k, entered=True), L=L, M=zero))
-    switched = SwitchedGains(spans_of(plant.modes), tuple(gains), events_of(plant))
+    spacing = plant.timing.spacing or None
+    switched = SwitchedGains(spans_of(plant.modes), tuple(gains), events_of(plant), spacing)
     certificates = Certificates()
     names = {"mode_stability": 0.0} | ({"decay_rate": rate} if rate > 0 else {})
     for name, shift in names.items():
