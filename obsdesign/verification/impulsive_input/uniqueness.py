@@ -28,6 +28,7 @@ from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.equations.impulsive_input.features import (
     FeatureWindow,
     feature_flows,
+    feature_units,
     filtered_system,
 )
 from obsdesign.verification.impulsive_input.second_solution import FeatureCurve, second_solution
@@ -149,10 +150,13 @@ def _by_turning(window: FeatureWindow, nonnegative: bool, budget: TimeBudget) ->
     F = filtered_system(window.D, window.C, exact(window.exponents))
     z = np.vstack([window.H, exact(np.zeros((rows, 1)))])
     margin, tau = window.margin, window.tau
+    # units of states and features change no answer, but the effort
+    units = feature_units(to_float(F), n, tau)
+    F, z = F * exact(units) / exact(units)[:, None], z / exact(units)[:, None]
     step = (tau - margin) / _GRID
     # from the margin on: next to the window, steps are far shorter than the way there
     flows = feature_flows(to_float(F), n, margin, step, _GRID + 1)
-    b = (flows[:, n:] @ to_float(window.H))[:, :, 0]
+    b = (flows[:, n:] @ to_float(z[:n]))[:, :, 0]
     pairs = list(itertools.combinations(range(rows), 2))
     pairs.sort(key=lambda pair: -_least_turn(b, *pair))
     curve = FeatureCurve(F=F, z=z, n=n, b=b, margin=margin, tau=tau, nonnegative=nonnegative)

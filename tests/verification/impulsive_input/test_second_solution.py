@@ -187,7 +187,7 @@ def test_three_features_and_one_feature_of_nonnegative_weights() -> None:
 
 def test_a_stiff_plant_with_many_features_is_undecided_soon() -> None:
     rng = np.random.default_rng(1)
-    D = np.diag([-0.2, -0.2, -0.5, -1.0])
+    D = np.diag([-0.2, -0.2, -0.5, -2e4])
     D[:2, :2] = [[-0.2, 3.0], [-3.0, -0.2]]
     T = np.diag([3e3, 1.0, 0.02, 1.0]) @ rng.standard_normal((4, 4))
     D, C, H = T @ D @ np.linalg.inv(T), rng.standard_normal((1, 4)), T @ rng.standard_normal((4, 1))
@@ -196,6 +196,20 @@ def test_a_stiff_plant_with_many_features_is_undecided_soon() -> None:
     assert verdict.outcome == "undecided"
     assert "too much to cover" in verdict.evidence["reason"]
     assert time.process_time() - start < 20  # a few seconds; minutes without its budget
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
+def test_units_of_states_and_outputs_change_no_verdict(nonnegative: bool) -> None:
+    D, H = np.array([[-0.3, -0.5, 0.0], [0.6, -0.4, 0.0], [0.0, 0.5, -0.7]]), np.eye(3)[:, :1]
+    C = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.3]])
+    x, y = np.array([1e5, 1.0, 1e-5]), np.array([1e-7, 1e6])
+    verdicts = [
+        decided(*plant, [-0.6, -0.9], 5.0, 1.2, nonnegative=nonnegative)
+        for plant in (
+            (D, C, H), (D * x[:, None] / x, C * y[:, None] / x, H * x[:, None])
+        )
+    ]  # fmt: skip
+    assert [verdict.outcome for verdict in verdicts] == ["proved", "proved"]
 
 
 def test_an_effort_ends_a_proof_and_nothing_else() -> None:
