@@ -71,9 +71,10 @@ class _Stays:
 
 @dataclass
 class _Clock:
-    """An event: when it is due, and when its last one was; has_deadline: is its longest time kept?
+    """An event: when it is due, and when its last one was.
 
-    is_forced: is it due early, so that another one may come after it?
+    has_deadline: is its longest time kept? is_forced: is it due early, so that another one may come
+    after it?
     """
 
     event: Jump
