@@ -30,6 +30,8 @@ def event_times(
     changes: of mode; an event that is due in a mode in which it does not happen comes in the next
     stay in which it does.
     """
+    if not plant.events:
+        return []
     if changes is None and not plant.timing.spacing:
         return [jump_times(event, dwell, until, rng, plant.flow.dt) for event in plant.events]
     stays = None
