@@ -213,13 +213,14 @@ class Values:
         self._after: dict[tuple[int, int | None], Matrix] = {}
         self._widest: dict[tuple[int, ...], Matrix] = {}
         self.largest = np.empty((len(floats.passages), floats.graph.n))
-        for key, places in floats.groups.items():
-            starts = np.array([self.start(floats.passages[k]) for k in places])
-            if key[1] > 0.0:
-                grid = floats.grid(key)
-                starts = (grid.flows @ starts.T + grid.pushes[:, :, None]).max(axis=0).T
-            self.largest[places] = starts
-        self.largest[floats.unbounded] = np.inf
+        with np.errstate(over="ignore", invalid="ignore"):  # a flow that grows beyond floats
+            for key, places in floats.groups.items():
+                starts = np.array([self.start(floats.passages[k]) for k in places])
+                if key[1] > 0.0:
+                    grid = floats.grid(key)
+                    starts = (grid.flows @ starts.T + grid.pushes[:, :, None]).max(axis=0).T
+                self.largest[places] = starts
+        self.largest[floats.unbounded | np.isnan(self.largest)] = np.inf
         self.bounds: Matrix = np.maximum.reduceat(self.largest, floats.of_strategy[:-1])
 
     def start(self, passage: Passage) -> Matrix:

@@ -100,8 +100,9 @@ class _Search:
         return (1 + self.margin) * self.floats.image(v) + self.added
 
     def _is_tube(self, v: Matrix) -> bool:
-        """Is the image of v below v by half of the margin?"""
-        return bool(((1 + self.margin / 2) * self.floats.image(v) <= v).all())
+        """Is the image of v below v by half of the margin, and v finite?"""
+        is_below = (1 + self.margin / 2) * self.floats.image(v) <= v
+        return bool((is_below & np.isfinite(v)).all())
 
     def _solved(self, v: Matrix, strategies: Indices | None = None) -> Matrix | None:
         """The fixed point of the affine maps that are active at v; None unless it is positive.

@@ -91,3 +91,24 @@ def test_entries_that_are_held_are_bounds_of_nothing() -> None:
     for strategies in ((sampled,), (silent, free)):
         less = Graph(((W, f),), ((read,),), (strategies,))
         assert prove_graph(less, v.tolist()).outcome == "undecided"
+
+
+@pytest.mark.parametrize(("longest", "is_bounded"), [(20.0, True), (24.5, False), (5e4, False)])
+def test_a_growing_flow_is_followed_to_the_end_of_its_time(
+    longest: float, is_bounded: bool
+) -> None:
+    one = exact(np.array([[1.0]]))
+    push = exact(np.array([1.0]))
+    grow, fall = ((exact(np.array([[rate]])), push) for rate in (0.05, -0.6))
+    stay = Least(((one, exact(np.array([0.0]))),))
+    nodes = (
+        ((Passage(1, 0, 2.0, 10.0, flow=1),),),
+        ((Passage(0, 0, 1.0, longest, flow=0),),),
+    )
+    stays = Graph((grow, fall), ((stay,),), nodes)
+    tube = tube_of(stays)
+    assert (tube is not None) == is_bounded
+    if tube is not None:
+        assert prove_graph(stays, tube.tolist()).outcome == "proved"
+        longer = Graph((grow, fall), ((stay,),), (nodes[0], ((Passage(0, 0, 1.0, 23.0),),)))
+        assert prove_graph(longer, tube.tolist()).outcome == "undecided"
