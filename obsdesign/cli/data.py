@@ -125,10 +125,8 @@ def run(
         provisional=provisional,
         remark=warn,
     )
-    counts = tally.statuses.most_common()
-    statuses = ", ".join(f"{number} {status}" for status, number in counts)
     if not is_quiet():
-        on_stderr(f"{tally.rows} rows{': ' if statuses else ''}{statuses}")
+        on_stderr(f"{tally.rows} rows: {tally}" if tally.rows else "0 rows")
     return 4 if strict and tally.good < tally.rows else 0
 
 

@@ -30,12 +30,12 @@ def estimate_line(estimate: Estimate) -> str:
     for pairs in (estimate.d_bounds, estimate.directions, estimate.lagged):
         if pairs is not None:
             numbers += pairs.T.reshape(-1).tolist()
-    return ",".join([*map(_cell, numbers), estimate.status.replace(",", ";")])
+    return ",".join([*map(_cell, numbers), estimate.status])
 
 
 def event_line(cells: Sequence[float | str]) -> str:
-    """One line of an event file: texts without their commas, NaN as an empty cell."""
-    return ",".join(_cell(x).replace(",", ";") for x in cells)
+    """One line of an event file: NaN as an empty cell."""
+    return ",".join(map(_cell, cells))
 
 
 def table_text(columns: dict[str, Array]) -> str:

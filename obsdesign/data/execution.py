@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import math
-import re
 import sys
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -30,6 +29,7 @@ from obsdesign.data.stream import (
     starting_progress,
     stored_progress,
 )
+from obsdesign.data.tally import Tally
 from obsdesign.design_file import load_design
 from obsdesign.document import Design
 from obsdesign.errors import InputError
@@ -37,25 +37,10 @@ from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Estimate, Observer, Sample
 from obsdesign.runtime.progress import Progress, WaitingRow
+from obsdesign.runtime.status import VOID
 from obsdesign.runtime.stored_state import state_text
 
-# "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
-_NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
-
 _MOSTLY_VOID = 0.5  # of the rows, from which the data is hardly of this plant
-
-
-@dataclass(frozen=True)
-class Tally:
-    """Numbers of rows of a run: all of them, and those with each status."""
-
-    rows: int
-    statuses: Counter[str]
-
-    @property
-    def good(self) -> int:
-        """Number of rows on which the guarantee held."""
-        return self.statuses["ok"]
 
 
 def execute(
@@ -168,7 +153,7 @@ def _write(
     live: bool,
 ) -> Tally:
     """Every estimate as a line, and how many there are of which status."""
-    rows, counts = 0, Counter[str]()
+    tally = Tally()
     out.write(estimate_header(observer.names) + "\n")
     for estimate in estimates:
         out.write(estimate_line(estimate) + "\n")
@@ -177,9 +162,8 @@ def _write(
             log.writelines(line + "\n" for line in lines)
         if live:
             out.flush()
-        rows += 1
-        counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
-    return Tally(rows, counts)
+        tally.add(estimate.t, estimate.status)
+    return tally
 
 
 def _unproved(path: str, design: Design) -> list[str]:
@@ -193,7 +177,7 @@ def _unproved(path: str, design: Design) -> list[str]:
 
 def _void(name: str, tally: Tally) -> list[str]:
     """A remark if the data refute the bounds on most of the rows."""
-    void = sum(number for status, number in tally.statuses.items() if status.startswith("void "))
+    void = tally.rows_with(VOID)
     if not void > _MOSTLY_VOID * tally.rows:
         return []
     return [

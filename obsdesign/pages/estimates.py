@@ -14,8 +14,9 @@ from lmi.arithmetic.arrays import NewEntries
 from obsdesign import workflow
 from obsdesign.data.csv_lines import read_columns
 from obsdesign.data.csv_text import table_text
-from obsdesign.data.execution import Tally, execute
+from obsdesign.data.execution import execute
 from obsdesign.data.simulation import simulate
+from obsdesign.data.tally import Tally
 from obsdesign.design_file import load_design
 from obsdesign.document import Design, jsonable
 from obsdesign.errors import InputError
@@ -183,10 +184,8 @@ def _draw(design: Design, estimates: str, source: str, picture: str, other: str 
 
 
 def _caption(tally: Tally, data: str | None) -> str:
-    counts = tally.statuses.most_common()
-    statuses = ", ".join(f"{number} {status}" for status, number in counts)
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
-    return f"{tally.rows} rows {origin}: {statuses}."
+    return f"{tally.rows} rows {origin}: {tally}."
 
 
 def _why_alone(design: Design, data: str | None) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,8 @@ from obsdesign.runtime.base import vector
 JUMP = "jump"
 
 
-class BoundsFault(Enum):
-    """Bounds that a step cannot report as they are; the value is the status message."""
+class BoundsFault(StrEnum):
+    """Bounds that a step cannot report as they are; each is a reason in the status."""
 
     OVERFLOWED = "bounds overflowed"
     CROSSED = "bounds crossed"  # which refutes the bounds of the step before

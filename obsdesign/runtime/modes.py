@@ -27,7 +27,7 @@ from obsdesign.runtime.clocks.named_events import NamedEvents
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.columns import Event
 from obsdesign.runtime.state_marks import Below, Past
-from obsdesign.runtime.status import with_reasons
+from obsdesign.runtime.status import Reason, with_reasons
 
 Inner = TypeVar("Inner")
 
@@ -138,11 +138,11 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
         named = [(t, name if text == JUMP else text) for t, text in estimate.events]
         return estimate._replace(events=tuple(named))
 
-    def _forbidden(self, mode: int, places: Sequence[int]) -> list[str]:
+    def _forbidden(self, mode: int, places: Sequence[int]) -> list[Reason]:
         """Sentences on events that do not happen in a mode."""
         name, events = self.modes[mode], self.gains.events
         return [
-            self._named.titled(k, f"does not happen in {name}")
+            self._named.titled(k, Reason(f"does not happen in {name}"))
             for k in places
             if not events[k].may_happen(name)
         ]
@@ -193,22 +193,22 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
             raise ValueError(f"mode must be one of {listed}; got {sample.mode!r}.")
         return self.modes.index(sample.mode)
 
-    def _objections(self, t: float, state: SwitchedState[Inner], after: int) -> list[str]:
+    def _objections(self, t: float, state: SwitchedState[Inner], after: int) -> list[Reason]:
         """Reasons for which a row, with its change of mode if it has one, is not admissible.
 
         The stay in which a record begins may have begun before: only its longest is checked.
         """
         if state.mode is None:
             return []
-        span, reasons = self.gains.spans[state.mode], []
+        span, reasons = self.gains.spans[state.mode], list[Reason]()
         low, high = span.every.tolist()
         stay, slack = t - state.entered, time_tolerance(t - state.entered, t)
         if state.is_whole and after != state.mode and stay < low - slack:
-            reasons.append(f"stay {stay:.9g} in {span.name} below {low:.9g}")
+            reasons.append(Reason.measured("stay", stay, f"in {span.name} below {low:.9g}"))
         elif stay > high + slack:
-            reasons.append(f"stay {stay:.9g} in {span.name} above {high:.9g}")
+            reasons.append(Reason.measured("stay", stay, f"in {span.name} above {high:.9g}"))
         if after != state.mode and after not in self.gains.following[state.mode]:
-            reasons.append(f"{self.modes[after]} does not follow {span.name}")
+            reasons.append(Reason(f"{self.modes[after]} does not follow {span.name}"))
         return reasons
 
     @property

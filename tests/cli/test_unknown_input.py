@@ -101,7 +101,7 @@ def test_missing_cells_and_a_short_record(tmp_path: Path) -> None:
     rows = table(done.stdout)
     assert rows["status"] == ["ok", "missing sample", "ok"]
     assert [cell == "" for cell in rows["d1"]] == [True, True, False]
-    assert done.stderr == "3 rows: 2 ok, 1 missing sample\n"
+    assert done.stderr == "3 rows: 2 ok, 1 missing sample (at t = 0.1)\n"
     single = cli("run", design, data="t,y1,y2\n0,1,2\n")
     assert single.returncode == 0
     assert len(table(single.stdout)["t"]) == 1

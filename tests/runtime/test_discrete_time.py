@@ -126,7 +126,7 @@ def test_rows_stand_on_the_grid(kind: str, start: float) -> None:
     state, _ = observer.step(state, Sample(start, y=[0.0]))
     after, row = observer.step(state, Sample(start + 3 * 0.1, y=[0.0]))
     apart = f"{start + 3 * 0.1 - start:.9g}"  # two samples are missing
-    assert row.status == f"time {apart} since the last sample, above 0.1"
+    assert row.status == f"time {apart} since the last sample exceeds 0.1"
     _, row = observer.step(state, Sample(start + 0.1))
     assert row.status == "missing sample"
     with pytest.raises(ValueError, match=r"must be a multiple of flow.dt = 0.1"):

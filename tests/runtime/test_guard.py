@@ -27,7 +27,7 @@ def test_a_change_beyond_the_jitter_is_said_and_the_next_one_is_judged_anew() ->
     guard = DwellGuard(0.5, 2.0, jitter=0.2)
     # dwell times 1, 1.2, 1.5, 1.4: only the third changes by more than 0.2
     assert objections(guard, [0.3, 1.3, 2.5, 4.0, 5.4]) == [
-        None, None, None, "dwell time changed by 0.3, more than 0.2", None,
+        None, None, None, "change 0.3 of the dwell time above 0.2", None,
     ]  # fmt: skip
 
 

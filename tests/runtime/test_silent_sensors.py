@@ -137,7 +137,7 @@ def test_a_lost_sample_contradicts_until_the_sensor_is_late(kind: str) -> None:
     assert 0.1 < t[first] < 0.5  # the position has left its strip by then
     assert all("void" in one.status for one in listed[first + 1 :])
     silent = list(observer.run(observer.init(0.0, **bounds), [lost[0], Sample(4.5)]))
-    assert "time 4.5 since the last sample, above 4" in silent[-1].status
+    assert "time 4.5 since the last sample exceeds 4" in silent[-1].status
     assert silent[-1].lower[0] <= 4.5 <= silent[-1].upper[0]
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from obsdesign.equations.gains import PlantGains
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.status import Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class DwellGuard:
         jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
         return cls(*gains.dwell_range, jitter=jitter)
 
-    def after(self, t: float, jump: bool) -> tuple[DwellGuard, str | None]:
+    def after(self, t: float, jump: bool) -> tuple[DwellGuard, Reason | None]:
         """The guard after an instant, and why the instant is inadmissible (None: it is not)."""
         violation = None
         elapsed = None if self.last_jump is None else t - self.last_jump
@@ -38,11 +39,12 @@ class DwellGuard:
             slack = time_tolerance(elapsed, t)
             change = 0.0 if self.last_dwell is None else abs(elapsed - self.last_dwell)
             if jump and elapsed < self.shortest - slack:
-                violation = f"dwell time {elapsed:.9g} below {self.shortest:.9g}"
+                violation = Reason.measured("dwell time", elapsed, f"below {self.shortest:.9g}")
             elif elapsed > self.longest + slack:
-                violation = f"dwell time {elapsed:.9g} above {self.longest:.9g}"
+                violation = Reason.measured("dwell time", elapsed, f"above {self.longest:.9g}")
             elif jump and change > self.jitter + 2 * slack:
-                violation = f"dwell time changed by {change:.9g}, more than {self.jitter:.9g}"
+                limit = f"of the dwell time above {self.jitter:.9g}"
+                violation = Reason.measured("change", change, limit)
         if not jump:
             return self, violation
         return replace(self, last_jump=t, last_dwell=elapsed), violation

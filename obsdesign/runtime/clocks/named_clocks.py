@@ -18,7 +18,7 @@ from obsdesign.equations.clocks import SensorGains
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.clocks.named_events import NamedEvents
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
-from obsdesign.runtime.status import MISSING_SAMPLE
+from obsdesign.runtime.status import MISSING_SAMPLE, Reason, late_sample
 
 
 class Kept(NamedTuple):
@@ -40,7 +40,7 @@ class NamedClocks(NamedEvents):
 
     def after(
         self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int], *, started: bool = True
-    ) -> tuple[Kept, list[str]]:
+    ) -> tuple[Kept, list[Reason]]:
         """Clocks after a row of measurements and events, and sentences on those not kept.
 
         started: was there a row before?
@@ -65,7 +65,7 @@ class NamedClocks(NamedEvents):
 
     def _not_kept(
         self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int]
-    ) -> Iterator[str]:
+    ) -> Iterator[Reason]:
         """Sentences on sensors that are silent for longer than stated."""
         happened = {self.events[k].name for k in events}
         outputs = sum(sensor.outputs for sensor in self.sensors)
@@ -77,17 +77,15 @@ class NamedClocks(NamedEvents):
                 continue
             over, slack = apart - sensor.gap, time_tolerance(apart, t)
             if sensor.gap > 0.0 and over > slack:
-                late = f"time {apart:.9g} since the last sample, above {sensor.gap:.9g}"
-                yield self._titled(sensor.name, late)
+                yield self._titled(sensor.name, late_sample(apart, sensor.gap))
             elif self.dt is not None and not has_all and over >= -slack:
-                yield self._titled(
-                    sensor.name, MISSING_SAMPLE
-                )  # no step is left in which it could come
+                # no step is left in which it could come
+                yield self._titled(sensor.name, MISSING_SAMPLE)
 
-    def _titled(self, name: str, sentence: str) -> str:
-        """A sentence on a sensor, with its name unless it is [output]."""
+    def _titled(self, name: str, reason: Reason) -> Reason:
+        """A reason about a sensor, with its name unless it is [output]."""
         is_block = name == "output" and len(self.sensors) == 1
-        return sentence if is_block else f"{name}: {sentence}"
+        return reason if is_block else reason.of_clock(name)
 
     @cached_property
     def sees(self) -> NDArray[np.str_]:

@@ -14,6 +14,7 @@ from obsdesign.runtime.base import Sample, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.jump import no_jumps
+from obsdesign.runtime.status import Reason
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,9 @@ class NamedEvents:
 
     def guarded(
         self, guards: Sequence[DwellGuard], t: float, events: Sequence[int]
-    ) -> tuple[tuple[DwellGuard, ...], list[str]]:
+    ) -> tuple[tuple[DwellGuard, ...], list[Reason]]:
         """Guards after the events of a row, and sentences on times that are not kept."""
-        sentences, following = list[str](), list[DwellGuard]()
+        sentences, following = list[Reason](), list[DwellGuard]()
         for k, guard in enumerate(guards):
             own, violation = guard.after(t, k in events)
             following.append(own)
@@ -93,7 +94,7 @@ class NamedEvents:
             last[k] = t
         return sentences
 
-    def titled(self, event: int, sentence: str) -> str:
-        """A sentence on an event, with its name unless it is [jump]."""
+    def titled(self, event: int, reason: Reason) -> Reason:
+        """A reason about an event, with its name unless it is [jump]."""
         name = self.events[event].name
-        return sentence if name == "jump" else f"{name}: {sentence}"
+        return reason if name == "jump" else reason.of_clock(name)

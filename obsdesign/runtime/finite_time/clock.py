@@ -12,6 +12,7 @@ from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.flow_maps import flow_maps
 from obsdesign.runtime.finite_time.state import FiniteTimeState
 from obsdesign.runtime.finite_time.window import emptied, flowed, sampled
+from obsdesign.runtime.status import Reason
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def _beyond_rounding(deviation: float, t: float) -> float:
 
 def moved_to(
     constants: WindowConstants, state: FiniteTimeState, t: float, has_sample: bool
-) -> tuple[FiniteTimeState, bool, str | None]:
+) -> tuple[FiniteTimeState, bool, Reason | None]:
     """The state at t; whether t is a sampling instant; the status of an irregular sample."""
     period, last = constants.period, state.last_instant
     if last is None:
@@ -91,7 +92,11 @@ def moved_to(
     if not has_sample:
         return state, False, None
     since = t - state.anchor_time if timing.drifted else timing.elapsed
-    return state, False, f"sampling time {since:.9g} is not a multiple of {period:.9g}"
+    return (
+        state,
+        False,
+        Reason.measured("sampling time", since, f"is not a multiple of {period:.9g}"),
+    )
 
 
 def anchored(state: FiniteTimeState, t: float) -> FiniteTimeState:

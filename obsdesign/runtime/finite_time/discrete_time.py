@@ -79,7 +79,7 @@ class StepWindowObserver(SteppedObserver[StepWindowState]):
         """Step to t, take the sample in, and jump if the row says so."""
         when = self.gains.jump_measurement
         guard, late = state.guard.after(t, sample.jump)
-        reasons = [late] if late else []
+        reasons: list[str] = [late] if late else []
         hidden = sample.jump and when == "none"
         state, reason = self._moved(state, t, None if hidden else y, hidden=hidden)
         reasons += [reason] if reason else []

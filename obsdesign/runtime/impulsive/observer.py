@@ -102,7 +102,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         """Flow to t; at an impulse, correct and jump."""
         x = self._flow(state, t)
         guard, late = state.guard.after(t, sample.jump)
-        objections = [late] if late else []
+        objections: list[str] = [late] if late else []
         following = state
         if sample.jump:
             if state.guard.last_jump is not None:

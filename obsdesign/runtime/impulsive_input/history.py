@@ -9,6 +9,7 @@ from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.state_marks import Past
+from obsdesign.runtime.status import Reason
 
 _DEVIATIONS = 3.0  # deviations by which a dwell time must be too short, a time wrong
 
@@ -71,4 +72,4 @@ def short_dwell(last: float, t: float, dwell: float, *deviations: float) -> str:
     gap = t - last
     if gap >= dwell - time_tolerance(dwell, t) - _DEVIATIONS * math.hypot(*deviations):
         return ""
-    return f"dwell time {gap:.9g} below {dwell:.9g}"
+    return Reason.measured("dwell time", gap, f"below {dwell:.9g}")

@@ -87,11 +87,11 @@ class Branches:
             self._detect()
         box = self.hull
         if not np.isfinite(box).all():
-            faults = (BoundsFault.OVERFLOWED.value, *self.notes)
+            faults = (BoundsFault.OVERFLOWED, *self.notes)
         return Cut(box, faults)
 
     def _is_contradicted(self, cut: Cut) -> bool:
-        return bool(cut.faults) and cut.faults[0] != BoundsFault.OVERFLOWED.value
+        return bool(cut.faults) and cut.faults[0] is not BoundsFault.OVERFLOWED
 
     def _disturbed(self, events: Sequence[tuple[int, Matrix]]) -> None:
         """Exact events in open windows: their maps no longer begin where the windows do."""

@@ -18,7 +18,9 @@ from obsdesign.runtime.clocks.time_stamps import (
     time_tolerances,
 )
 from obsdesign.runtime.interval.state import IntervalState
-from obsdesign.runtime.status import MISSING_SAMPLE
+from obsdesign.runtime.status import MISSING_SAMPLE, Reason, late_sample
+
+_NO_WIDTH = ": no width is guaranteed"
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ class SampleClock:
 
     def objections(
         self, state: IntervalState, sample: Sample, y: Matrix | None, t: float
-    ) -> list[str]:
+    ) -> list[Reason]:
         """Sentences on what the time of a sample, or its absence, takes from the guarantee."""
         if self.period is None:
             return self._continuous(state, sample, y, t)
@@ -100,13 +102,14 @@ class SampleClock:
             return [MISSING_SAMPLE]
         if state.started and self._is_late(state, t):
             if state.sampled != state.phase == state.phase:  # others came, off the period
-                after = f"{self.period:.9g} after the one at {state.phase:.9g}"
-                return [f"no sample {after}: no width is guaranteed"]
-            apart = t - state.sampled
-            return [f"time {apart:.9g} since the last sample, above {self.period:.9g}"]
+                kind = f"no sample {self.period:.9g} after the one"
+                return [
+                    Reason(f"{kind} at {state.phase:.9g}{_NO_WIDTH}", f"{kind} before{_NO_WIDTH}")
+                ]
+            return [late_sample(t - state.sampled, self.period)]
         return self._second_jump(state, sample, y)
 
-    def _second_jump(self, state: IntervalState, sample: Sample, y: Matrix | None) -> list[str]:
+    def _second_jump(self, state: IntervalState, sample: Sample, y: Matrix | None) -> list[Reason]:
         """Whether two jumps follow one sample, as dwell times of a period allow but for tolerance.
 
         The widths that are claimed are those of one jump at most between samples.
@@ -117,19 +120,20 @@ class SampleClock:
         between = guard.last_jump > since or (guard.last_jump == since and self.before_jumps)
         if not between or guard.shortest < (self.period or 0.0):
             return []
-        return [f"second jump since the sample at {since:.9g}: no width is guaranteed"]
+        kind = "second jump since the sample"
+        return [Reason(f"{kind} at {since:.9g}{_NO_WIDTH}", f"{kind} before{_NO_WIDTH}")]
 
     def _continuous(
         self, state: IntervalState, sample: Sample, y: Matrix | None, t: float
-    ) -> list[str]:
+    ) -> list[Reason]:
         needed = y is None and not (sample.jump and self.skips_jumps)
         sentences = [MISSING_SAMPLE] if needed else []
         step = t - state.t
         without_sample = state.y is None and y is None and not needed and step > 0
         if state.started and without_sample and self.corrects:
-            sentences.append("no sample at either end of the step: no width is guaranteed")
+            sentences.append(Reason(f"no sample at either end of the step{_NO_WIDTH}"))
         if state.started and step > self.limit + time_tolerance(step, t):
-            sentences.append(f"step {step:.9g} above {self.limit:.9g}: no width is guaranteed")
+            sentences.append(Reason.measured("step", step, f"above {self.limit:.9g}{_NO_WIDTH}"))
         return sentences
 
     def _is_late(self, state: IntervalState, t: float) -> bool:

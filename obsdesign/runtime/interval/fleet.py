@@ -245,6 +245,6 @@ def intersection(estimates: Sequence[Estimate]) -> Estimate:
     first = estimates[0]
     if (lower > upper).any():
         lower, upper = first.lower, first.upper
-        objections.append(BoundsFault.CROSSED.value)
+        objections.append(BoundsFault.CROSSED)
     status = status_of(list(dict.fromkeys(objections)))
     return Estimate(first.t, None, lower, upper, events=events, status=status)

@@ -87,5 +87,5 @@ class SwitchedIntervalObserver(SwitchedObserver[IntervalState, IntervalGains]):
         inner, jumped = self.observers[after].step(held, Sample(estimate.t, jump=True))
         # nothing is measured between the row's sample and the new mode: none is missing
         known = {JUMP, MISSING_SAMPLE, *(text for _, text in estimate.events)}
-        faults = [str(text) for _, text in jumped.events if text not in known]
+        faults = [text for _, text in jumped.events if text not in known]
         return Entry(inner._replace(guard=guard), jumped, faults)

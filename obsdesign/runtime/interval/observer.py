@@ -10,6 +10,7 @@ itself go into the radius.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -42,7 +43,7 @@ from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
-from obsdesign.runtime.status import VOID_SINCE, status_of
+from obsdesign.runtime.status import status_of, still_void, void_since
 
 
 @dataclass(frozen=True)
@@ -209,7 +210,11 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
 
 def _judged(
-    refutation: str, t: float, results: list[Result], contradictions: list[str], timing: list[str]
+    refutation: str,
+    t: float,
+    results: list[Result],
+    contradictions: list[str],
+    timing: Sequence[str],
 ) -> tuple[list[str], str]:
     """All objections to a row, and the refutation of this row and later ones, empty without one.
 
@@ -221,12 +226,12 @@ def _judged(
         if fault is BoundsFault.CROSSED:
             if reasons:  # the outputs that make the bounds cross are named already
                 continue
-            reasons = [fault.value]
-        objections.append(fault.value)
+            reasons = [fault]
+        objections.append(fault)
     if refutation:
-        objections.append(refutation)
+        objections.append(still_void(refutation))
     elif reasons:
-        refutation = f"{VOID_SINCE} {t:.9g} ({reasons[0]})"
+        refutation = void_since(t, reasons[0])
     return objections, refutation
 
 

@@ -29,7 +29,7 @@ from obsdesign.runtime.clocks.time_grid import steps_to_row
 from obsdesign.runtime.interval.clock_kernels import ClockKernels, is_finite
 from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.state_marks import ROWS, Axes, Inputs, MeasuredRow, Past, StackedBox
-from obsdesign.runtime.status import VOID_SINCE, status_of
+from obsdesign.runtime.status import status_of, still_void, void_since
 
 
 class ClockedState(NamedTuple):
@@ -149,9 +149,9 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
             Kept(state.guards, state.sampled), t, row.complete, events
         )
         refutation = state.refutation
-        reasons = [*cut.faults, *not_kept, *([refutation] if refutation else [])]
-        if cut.faults and cut.faults[0] != BoundsFault.OVERFLOWED.value and not refutation:
-            refutation = f"{VOID_SINCE} {t:.9g} ({cut.faults[0]})"
+        reasons = [*cut.faults, *not_kept, *([still_void(refutation)] if refutation else [])]
+        if cut.faults and cut.faults[0] is not BoundsFault.OVERFLOWED and not refutation:
+            refutation = void_since(t, cut.faults[0])
         following = ClockedState(
             t, cut.box, row.u, row.held, kept.guards, True, kept.sampled,
             self._silent.sent(state.sent, row.y), refutation,
@@ -221,7 +221,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
             box = np.maximum(k.ends(out)[0], cut.box)
             faults = self._contradictions(place, there, out[: 2 * k.p])
             if crossed(box):
-                faults = faults or [BoundsFault.CROSSED.value]
+                faults = faults or [BoundsFault.CROSSED]
                 box = cut.box
             cut = Cut(box, (*cut.faults, *faults))
         return cut
@@ -252,7 +252,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
         following = _bounded(k.n, k.ends(out := k.rows.dot(v))[0], is_finite(k, out))
         if corrected and crossed(following.box):  # the correction contradicts the box
             plain = self.happened(cut, event, w, measured._replace(y=np.full_like(y, np.nan)))
-            return plain._replace(faults=(*plain.faults, BoundsFault.CROSSED.value))
+            return plain._replace(faults=(*plain.faults, BoundsFault.CROSSED))
         return following._replace(faults=(*cut.faults, *following.faults))
 
     def _measured(self, y: Matrix | None, own: Bounds) -> Measured:
@@ -300,4 +300,4 @@ def _bounded(n: int, box: Matrix, finite: bool) -> Cut:
     """A box, or the only sound one where numbers overflowed."""
     if finite:
         return Cut(box)
-    return Cut(np.full(2 * n, -np.inf), (BoundsFault.OVERFLOWED.value,))
+    return Cut(np.full(2 * n, -np.inf), (BoundsFault.OVERFLOWED,))

@@ -23,7 +23,7 @@ from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Past, States
-from obsdesign.runtime.status import MISSING_SAMPLE, status_of
+from obsdesign.runtime.status import MISSING_SAMPLE, late_sample, status_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class StepObserver(SteppedObserver[StepState]):
         """Step to t, then correct with the sample, or jump if the sample says so."""
         gains, x = self.gains, self._stepped(state, t)
         guard, late = state.guard.after(t, sample.jump)
-        objections = [late] if late else []
+        objections: list[str] = [late] if late else []
         used = y is not None
         if sample.jump:
             if gains.G is None:
@@ -104,7 +104,7 @@ class StepObserver(SteppedObserver[StepState]):
         if round(apart / gains.step) % gains.period_steps:
             return "sample off the period is not used", False
         if over > slack:
-            return f"time {apart:.9g} since the last sample, above {period:.9g}", True
+            return late_sample(apart, period), True
         return None, True
 
     def _stepped(self, state: StepState, t: float) -> Matrix:

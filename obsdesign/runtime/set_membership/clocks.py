@@ -15,7 +15,7 @@ from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.clocks.named_clocks import Kept, NamedClocks
 from obsdesign.runtime.clocks.silent_sensors import SilentSensors
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
-from obsdesign.runtime.status import MISSING_SAMPLE
+from obsdesign.runtime.status import MISSING_SAMPLE, Reason, late_sample
 
 # time, measurements and events of a row
 ClockedRow = tuple[float, Matrix | None, tuple[int, ...]]
@@ -33,7 +33,7 @@ class OneClock(NamedClocks):
 
     def after(
         self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int], *, started: bool = True
-    ) -> tuple[Kept, list[str]]:
+    ) -> tuple[Kept, list[Reason]]:
         """Clocks after a row of measurements and jumps, and sentences on those not kept."""
         guard, violation = kept.guards[0].after(t, 0 in events)
         (sampled,) = kept.sampled
@@ -52,24 +52,23 @@ class OneClock(NamedClocks):
 
     def _samples_not_kept(
         self, sampled: float, t: float, y: Matrix | None, started: bool, jump: bool
-    ) -> list[str]:
+    ) -> list[Reason]:
         """Sentences on a sample of the one output that is missing or late."""
         gains = self.gains
         is_due = gains.measured != "at_jumps" or jump
         if jump and gains.jump_measurement == "none":
             is_due = False
-        sentences = []
+        sentences = list[Reason]()
         if gains.period is not None and gains.measured == "periodic" and started:
             apart = t - sampled
             slack = time_tolerance(apart, t)
             is_due = is_due and apart >= gains.period - slack
             if y is not None and apart > gains.period + slack:
-                limit = f"above {gains.period:.9g}"
-                sentences.append(f"time {apart:.9g} since the last sample, {limit}")
+                sentences.append(late_sample(apart, gains.period))
         absent = [] if y is None else [f"y{i + 1}" for i in np.flatnonzero(np.isnan(y))]
         if is_due and (y is None or absent):
             which = f" of {' '.join(absent)}" if absent else ""
-            sentences.insert(0, f"{MISSING_SAMPLE}{which}")
+            sentences.insert(0, Reason(f"{MISSING_SAMPLE}{which}", MISSING_SAMPLE))
         return sentences
 
     @cached_property
@@ -110,7 +109,7 @@ class Clocks:
 
     def after(
         self, kept: Kept, t: float, row: tuple[Matrix | None, tuple[int, ...]], started: bool
-    ) -> tuple[Kept, list[str]]:
+    ) -> tuple[Kept, list[Reason]]:
         """Clocks after a row of measurements and events, and sentences on those not kept."""
         y, events = row
         y = None if y is None else y[: self.gains.p]

@@ -38,7 +38,7 @@ from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
-from obsdesign.runtime.status import VOID_SINCE, status_of
+from obsdesign.runtime.status import status_of, still_void, void_since
 
 
 class _Row(NamedTuple):
@@ -155,12 +155,12 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     ) -> tuple[SetMembershipState, Estimate]:
         """The state with the tape of a row, and its estimate; `recent` are the rows before it."""
         if not np.isfinite(row.result.box).all():
-            reasons.append(BoundsFault.OVERFLOWED.value)
+            reasons.append(BoundsFault.OVERFLOWED)
         refutation = state.refutation
         if refutation:
-            reasons.append(refutation)
+            reasons.append(still_void(refutation))
         elif row.fault is not None:
-            refutation = f"{VOID_SINCE} {state.t:.9g} ({row.fault})"
+            refutation = void_since(state.t, row.fault)
         recent = () if row.fault is not None else state.recent
         state = state._replace(
             box=row.tape.box, start=row.tape.start, stages=row.tape.stages, refutation=refutation,
@@ -204,7 +204,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
             tape = bounder.predicted(tape, stage._replace(in_time=in_time))
             free, cut = tape.box, bounder.cut(tape)
             if cut is None:
-                fault = bounder.contradiction(tape).sentence
+                fault = bounder.contradiction(tape).reason
             tape = Tape.beginning(free) if cut is None else cut
         if fault is not None:
             return self._restarted(free, fault)
@@ -214,7 +214,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         """The bounds of a tape; where they are empty, a tape that begins with the box `free`."""
         bounded = self._bounder.bounded(tape, recent)
         if isinstance(bounded, Contradiction):
-            return self._restarted(free, bounded.sentence)
+            return self._restarted(free, bounded.reason)
         return _Row(*bounded, None)
 
     def _restarted(self, box: Matrix, fault: str | None) -> _Row:

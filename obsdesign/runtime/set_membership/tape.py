@@ -10,6 +10,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import TINY, UNIT
 from obsdesign.runtime.boxes import BoundsFault
 from obsdesign.runtime.set_membership.stages import Stage
+from obsdesign.runtime.status import Reason
 
 # beside the narrowest one, a box of which the search for multipliers resolves nothing
 _WIDE = 1e6
@@ -55,13 +56,14 @@ class Contradiction(NamedTuple):
     times: tuple[float, ...]
 
     @property
-    def sentence(self) -> str:
-        """The status of bounds that crossed, with the samples that prove the contradiction."""
+    def reason(self) -> Reason:
+        """The reason of bounds that crossed, with the samples that prove the contradiction."""
         times = [f"{t:.9g}" for t in self.times]
         if len(times) > _MOST_NAMED:
             times = [*times[:3], "...", *times[-3:]]
         samples = f"samples at {' '.join(times)}" if times else "no sample"
-        return f"{BoundsFault.CROSSED.value}: {samples} contradict plant and declared bounds"
+        text = f"{BoundsFault.CROSSED}: {samples} contradict plant and declared bounds"
+        return Reason(text, BoundsFault.CROSSED)
 
 
 def intersection(first: Matrix, second: Matrix) -> Matrix:

@@ -18,7 +18,7 @@ from lmi.arithmetic.spectrum import spectral_radius
 from obsdesign.equations.unknown_input.formulas import DAMPING, STEP_LIMIT
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.runtime.state_marks import Axes, Outputs
-from obsdesign.runtime.status import status_of
+from obsdesign.runtime.status import Reason, status_of
 from obsdesign.runtime.step_cache import cached_step
 
 # time stamps must resolve a step to this part of its length
@@ -86,15 +86,14 @@ class Steps:
         return before._replace(length=h, step=step)
 
     def _first_interval(self, h: float, size: float) -> Interval:
-        reasons = []
+        reasons = list[Reason]()
         is_resolved = 4 * math.ulp(size) <= _RESOLVED * h
         if not is_resolved:
-            reasons.append(
-                f"time stamps resolve {2 * math.ulp(size):.2g} for sampling time {h:.9g}"
-            )
+            text = f"time stamps resolve {2 * math.ulp(size):.2g} for sampling time {h:.9g}"
+            reasons.append(Reason(text, "time stamps too coarse for the sampling time", h))
         if h * self._fastest > STEP_LIMIT:
             limit = STEP_LIMIT / self._fastest
-            reasons.append(f"sampling time {h:.9g} above {limit:.6g} = 2/|f|")
+            reasons.append(Reason.measured("sampling time", h, f"above {limit:.6g} = 2/|f|"))
         return Interval(h, None, status_of(reasons), is_resolved)
 
     def matrix(self, h: float) -> Matrix:

@@ -423,7 +423,7 @@ def test_missing_and_late_samples_are_named_and_keep_the_enclosure() -> None:
     state = observer.init(0.0, lower=[1, 1], upper=[1, 1])
     rows = [Sample(0.0, y=[1.0]), Sample(0.1), Sample(0.2, y=[0.8])]
     said = [e.status for e in observer.run(state, rows)]
-    assert said == ["ok", "missing sample", "time 0.2 since the last sample, above 0.1"]
+    assert said == ["ok", "missing sample", "time 0.2 since the last sample exceeds 0.1"]
 
 
 def test_events_tell_what_happened() -> None:

@@ -157,8 +157,8 @@ def test_clocks_that_are_not_kept_are_named_and_void_no_bound() -> None:
         "ok",
         "ok",
         "dose: dwell time 3 below 6",
-        "tissue: time 14 since the last sample, above 13",
-        "dose: dwell time 15 above 14; tissue: time 19 since the last sample, above 13",
+        "tissue: time 14 since the last sample exceeds 13",
+        "dose: dwell time 15 above 14; tissue: time 19 since the last sample exceeds 13",
     ]
     assert listed[2].events[0] == (4.0, "dose")
 

@@ -145,7 +145,7 @@ def test_the_certified_width_holds_where_jumps_make_a_state_uselessly_wide(
     ("jump", "last"),
     [
         (0.5, "ok"),  # the sample that was due there is hidden
-        (0.4, "time 1 since the last sample, above 0.5"),  # none was due
+        (0.4, "time 1 since the last sample exceeds 0.5"),  # none was due
     ],
 )
 def test_a_jump_stands_in_for_the_sample_that_it_hides(jump: float, last: str) -> None:

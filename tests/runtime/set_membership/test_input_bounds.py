@@ -363,4 +363,4 @@ def test_clocks_are_those_of_the_plant_with_and_without_a_rate(when: str) -> Non
     assert statuses[0][:3] == ["ok"] * 3
     assert "dwell time 0.25 below 0.5" in statuses[0][4]
     assert "missing sample" in statuses[0][5]
-    assert "dwell time changed by" in statuses[0][6]
+    assert "of the dwell time above" in statuses[0][6]

@@ -140,7 +140,7 @@ def test_rows_that_do_not_keep_the_period() -> None:
     _, row = observer.step(between, Sample(0.2))
     assert row.status == "missing sample"
     _, row = observer.step(state, Sample(0.4, y=[1.0]))
-    assert row.status == "time 0.4 since the last sample, above 0.2"
+    assert row.status == "time 0.4 since the last sample exceeds 0.2"
 
 
 def test_the_estimator_of_python_control_keeps_the_step() -> None:
