@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def reason_against_clocks(problem: Problem) -> str | None:
             )
     for entry, gain in problem.gains.items():
         if large := large_gain(gain, None, options.gain_limit):
-            return large.reason("observer.gains").replace("gains.L", f"gains.{entry}")
+            return replace(large, name=entry).reason("observer.gains")
     return None
 
 

@@ -20,7 +20,7 @@ from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from obsdesign.verification.state_widths import StateWidths
 
 _ENCLOSURE = (
-    "The bounds contain the state at every instant, if they contain it at the start, b, c and "
+    "The bounds contain the state at every instant, if they contain it at the start, {} and "
     "v stay inside their bounds and jumps are reported at their times; this holds for "
     "samples at any spacing, missing ones included, and for any dwell time."
 )
@@ -43,7 +43,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     bounded = _present(verdicts, ("hurwitz", "dwell_stability"))
     bounded = ["sampled_stability"] if is_periodic else bounded
     has_input = plant.flow.d_bounds is not None
-    enclosure = _ENCLOSURE.replace("b, c and", "b, c, d and") if has_input else _ENCLOSURE
+    enclosure = _ENCLOSURE.format("b, c, d" if has_input else "b, c")
     sentences = [
         (enclosure, enclosing),
         (_bounded_width(problem, claims, measured), enclosing + bounded),

@@ -41,18 +41,18 @@ from obsdesign.verification.interval.clock_claims import (
 from obsdesign.verification.interval.discrete_time import step_claims
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
-from obsdesign.verification.silent_sensors import with_every_sample
+from obsdesign.verification.silent_sensors import further_sample, missing_samples
 from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
     "The bounds contain the state at every row, if they contain it at the start, b, c and v stay "
     "inside their bounds and events are reported at their times; this holds for samples of each "
-    "sensor at any spacing, missing ones included, for any times between events and whatever the "
+    "sensor at any spacing, {}, for any times between events and whatever the "
     "rounding."
 )
 _MONOTONE = (
-    "A further sample, of whichever sensor, never makes the bounds wider, but for rounding: the "
-    "box that it leaves is kept only where it is narrower."
+    "{} never makes the bounds wider, but for rounding: the box that it leaves is kept only where "
+    "it is narrower."
 )
 _SOURCE = "docs/interval.md, several events and sensors; comparison with fewer samples"
 
@@ -208,9 +208,10 @@ def reason_without_tube(system: ClockSystem) -> str:
 def clocked_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
     verdicts = {claim.id: claim.verdict for claim in claims}
+    enclosure = _ENCLOSURE.format(missing_samples(problem.plant))
+    monotone = _MONOTONE.format(further_sample(problem.plant))
     given = [
-        Guarantee.from_verdicts(with_every_sample(text, problem.plant), ["consistent"], verdicts)
-        for text in (_ENCLOSURE, _MONOTONE)
+        Guarantee.from_verdicts(text, ["consistent"], verdicts) for text in (enclosure, monotone)
     ]
     if "event_stability" not in verdicts:
         return tuple(given)

@@ -11,13 +11,13 @@ from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
-from obsdesign.verification.silent_sensors import with_every_sample
+from obsdesign.verification.silent_sensors import missing_samples
 from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
-    "The bounds contain the state at every row, if they contain it at the start, b, c and v stay "
-    "inside their bounds and jumps are reported at their times; this holds for samples at any "
-    "spacing, missing ones included, for any dwell time and whatever the rounding."
+    "The bounds contain the state at every row, if they contain it at the start, {bounded} and v "
+    "stay inside their bounds and jumps are reported at their times; this holds for samples at any "
+    "spacing, {missing}, for any dwell time and whatever the rounding."
 )
 _INPUT = (
     "The bounds of d contain the unknown input at every row, if it stays inside flow.d_bounds and "
@@ -37,8 +37,8 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     """The sentences a user may rely on."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     own = problem.plant.flow.d_bounds
-    enclosure = _ENCLOSURE if own is None else _ENCLOSURE.replace("b, c and v", "b, c, d and v")
-    enclosure = with_every_sample(enclosure, problem.plant)
+    bounded = "b, c" if own is None else "b, c, d"
+    enclosure = _ENCLOSURE.format(bounded=bounded, missing=missing_samples(problem.plant))
     sentences = [(enclosure, ["consistent"]), (_CONTRADICTION, ["consistent"])]
     if own is not None and own.rate is not None:
         sentences.insert(1, (_INPUT, ["consistent"]))
