@@ -30,7 +30,7 @@ _LASTING = 10
 Dwell = str | float | Sequence[float]
 
 
-class LateEvent(NamedTuple):
+class UncertainEvent(NamedTuple):
     """An event at a time of its own; row: that of its stamp; event: its place."""
 
     t: float
@@ -60,12 +60,12 @@ class Instants:
             return self.happens
         return np.asarray(self.happens & (self.true_times == self.times[:, None]))
 
-    def late_events(self) -> list[LateEvent]:
+    def uncertain_events(self) -> list[UncertainEvent]:
         """Events that happen before or after their rows, in order."""
         if self.true_times is None:
             return []
         places = np.argwhere(self.happens & ~self.exact_events()).tolist()
-        return sorted(LateEvent(float(self.true_times[k, e]), k, e) for k, e in places)
+        return sorted(UncertainEvent(float(self.true_times[k, e]), k, e) for k, e in places)
 
 
 def true_times(plant: Plant, instants: Instants, rng: np.random.Generator) -> Matrix | None:

@@ -19,7 +19,7 @@ from obsdesign.column_names import MODE, TIME
 from obsdesign.data.change_senders import ChangeSenders
 from obsdesign.data.instants import (
     Instants,
-    LateEvent,
+    UncertainEvent,
     arrival_times,
     default_until,
     instants_of,
@@ -146,7 +146,7 @@ def _trajectory(
     after = plant.sees_after
     truth, outputs, events = [], [], []
     cache: dict[tuple[int, float], Matrix] = {}
-    now, late = 0.0, instants.late_events()
+    now, pending = 0.0, instants.uncertain_events()
     at_rows = instants.exact_events()
     leading = [0] * len(instants.times) if changes is None else changes.before(instants.times)
     following = leading if changes is None else changes.at(instants.times)
@@ -154,8 +154,8 @@ def _trajectory(
     for k, t in enumerate(times):
         mode = leading[k]
         own = sources[mode] if sources else source
-        while late and late[0].t <= t:
-            x, now = _after_late(late.pop(0), own, x, k, now)
+        while pending and pending[0].t <= t:
+            x, now = _after_uncertain(pending.pop(0), own, x, k, now)
         h = t - now
         if plant.flow.dt is not None:
             x = own.stepped(x, k, now, rounded_steps(h, plant.flow.dt))
@@ -182,15 +182,15 @@ def _trajectory(
     return _record(instants, source, announced, (outputs, truth, events), names)
 
 
-def _after_late(
-    late: LateEvent, source: Signals, x: Matrix, row: int, start: float
+def _after_uncertain(
+    event: UncertainEvent, source: Signals, x: Matrix, row: int, start: float
 ) -> tuple[Matrix, float]:
     """The state after an event on the way from `start` to a row, and its time."""
-    if late.t > start:
-        flow = expm(source.generator * (late.t - start))[: len(x)]
+    if event.t > start:
+        flow = expm(source.generator * (event.t - start))[: len(x)]
         x = flow @ source.extended(x, row, start)
-    G = source.plant.events[late.event].G
-    return np.asarray(G @ x + source.jump(late.row, late.event)), late.t
+    G = source.plant.events[event.event].G
+    return np.asarray(G @ x + source.jump(event.row, event.event)), event.t
 
 
 def _record(

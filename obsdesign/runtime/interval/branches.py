@@ -10,7 +10,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure
-from obsdesign.equations.interval.late_jump import is_short, parts_of
+from obsdesign.equations.interval.uncertain_jump import is_short, parts_of
 from obsdesign.runtime.boxes import BoundsFault
 from obsdesign.runtime.interval.curves import Spread, plus
 from obsdesign.runtime.interval.kernel import crossed
@@ -133,8 +133,10 @@ class Branches:
         for k, window in enumerate(self.windows):
             for key, box in old.items():
                 if not key >> k & 1:
-                    late = self.observer.late_box(window, box, h, size, before.held, before.u)
-                    self._add(key | 1 << k, self.observer.box_of(*late))
+                    jumped = self.observer.uncertain_box(
+                        window, box, h, size, before.held, before.u
+                    )
+                    self._add(key | 1 << k, self.observer.box_of(*jumped))
         if len(self.windows) > 1:
             self._two_at_once(old, h)
         self.clocked = before._replace(t=t)
@@ -188,7 +190,7 @@ class Branches:
             return None
         gains, size = self.observer.gains, max(abs(now), abs(window.since))
         declared = np.stack([gains.flow_lower, gains.flow_upper])
-        return self.observer.late_box(
+        return self.observer.uncertain_box(
             window, window.start, now - window.since, size, declared, window.u
         )
 
@@ -231,10 +233,10 @@ class Branches:
             if self.spread is None:
                 return None
             size = max(abs(now), abs(window.since))
-            body, curve = self.observer.late_jump_alone(window, now - window.since, size)
+            body, curve = self.observer.uncertain_jump_alone(window, now - window.since, size)
             return self.spread._replace(body=plus(self.spread.body, body)).with_curve(curve)
-        late = self._from_start(window)
-        return None if late is None else Spread(late[0], (late[1],))
+        spread = self._from_start(window)
+        return None if spread is None else Spread(spread[0], (spread[1],))
 
     def _detect(self) -> None:
         """Windows end where an event must have happened, and begin anew where it cannot have."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, raised
-from obsdesign.equations.interval.late_jump import MOST_CURVES, curve_range
+from obsdesign.equations.interval.uncertain_jump import MOST_CURVES, curve_range
 from obsdesign.runtime.interval.kernel import crossed
 from obsdesign.runtime.state_marks import Bounded
 

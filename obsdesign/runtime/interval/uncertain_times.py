@@ -21,9 +21,9 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.enclosure import Enclosure, expm, raised
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
-from obsdesign.equations.interval.late_jump import (
+from obsdesign.equations.interval.uncertain_jump import (
     DEGREE,
-    LateJump,
+    UncertainJump,
     added_in_parts,
     is_short,
     parts_of,
@@ -157,20 +157,20 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
         """Bounds of b and v that those of a row must not exceed."""
         return self.inner.declared_bounds
 
-    def late(self, window: Window, h: float, size: float) -> LateJump:
+    def jump_in(self, window: Window, h: float, size: float) -> UncertainJump:
         """The maps of a window of length h between time stamps of this magnitude."""
         A, G = self.gains.A, self.gains.events[window.event].G
-        cache = self._late.setdefault(window.event, OrderedDict())
-        return shared_step(cache, h, size, lambda h, e: LateJump.from_window(A, G, h, e))
+        cache = self._jumps.setdefault(window.event, OrderedDict())
+        return shared_step(cache, h, size, lambda h, e: UncertainJump.from_window(A, G, h, e))
 
-    def late_box(
+    def uncertain_box(
         self, window: Window, box: Matrix, h: float, size: float, held: Matrix, u: Matrix
     ) -> tuple[Matrix, Matrix]:
         """(body, curve) of the states at the end of a time h in which the event happens.
 
         box: of the states at its start; held (2, n): bounds of b in it; u: the input.
         """
-        n, maps = self.n, self.late(window, h, size)
+        n, maps = self.n, self.jump_in(window, h, size)
         centre, radius = midpoint(box[:n], -box[n:])
         if not np.isfinite(centre).all():
             return np.full(2 * n, -np.inf), np.zeros((len(maps.terms) - 1, n))
@@ -185,7 +185,7 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
         body = np.nextafter(np.concatenate([values[0], -values[0]]) - np.tile(rest, 2), -np.inf)
         return body, values[1:]
 
-    def late_jump_alone(self, window: Window, h: float, size: float) -> tuple[Matrix, Matrix]:
+    def uncertain_jump_alone(self, window: Window, h: float, size: float) -> tuple[Matrix, Matrix]:
         """(body, curve) of what an event with G = I adds to the state at the end of its window."""
         n, A = self.n, self.gains.A
         gamma, c_rad = self._jump_input(window)
@@ -193,11 +193,11 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
             parts = parts_of(A, h)
             length, half = shared_length(h / parts, size)
             error = half + length_error(length, size)
-            late = self.late(window, h / parts, size)
-            body, direction = added_in_parts(late, A, length, error, parts, (gamma, c_rad))
+            part = self.jump_in(window, h / parts, size)
+            body, direction = added_in_parts(part, A, length, error, parts, (gamma, c_rad))
             return body, np.vstack([direction, np.zeros((DEGREE - 1, n))])
         zero, nothing = exactly(np.zeros((n, 1))), np.zeros(n)
-        maps = self.late(window, h, size)
+        maps = self.jump_in(window, h, size)
         values, rest = maps.polynomial(nothing, nothing, zero, gamma)
         rest = raised(rest + raised(maps.c_spread @ c_rad, 2 * n), 2)
         body = np.concatenate([values[0], -values[0]]) - np.tile(rest, 2)
@@ -237,7 +237,7 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
         return plus(body, ranges((curve,)))
 
     @cached_property
-    def _late(self) -> dict[int, OrderedDict[tuple[float, int], LateJump]]:
+    def _jumps(self) -> dict[int, OrderedDict[tuple[float, int], UncertainJump]]:
         return {}
 
     @cached_property

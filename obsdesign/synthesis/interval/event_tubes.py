@@ -20,9 +20,13 @@ from obsdesign.analysis.interval.event_graph import (
     stability_graph,
     width_graph,
 )
-from obsdesign.analysis.interval.late_system import LateSystem
 from obsdesign.analysis.interval.step_graph import step_graph
-from obsdesign.analysis.interval.turning_system import SizeSystem, TurningSystem, turns
+from obsdesign.analysis.interval.uncertain_additive_system import UncertainAdditiveSystem
+from obsdesign.analysis.interval.uncertain_general_system import (
+    SizeSystem,
+    UncertainGeneralSystem,
+    turns,
+)
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 
 # parts of a sensor's longest gap, and of the shortest time between events: first and last
@@ -40,7 +44,7 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
     if gains.dt is not None:
         return step_certificates(gains, budget)
     if any(event.time_error is not None for event in gains.events):
-        return {"late_width": _late_certificate(gains, budget)}
+        return {"late_width": _uncertain_certificate(gains, budget)}
     system = ClockSystem(gains)
     first, most = _FOR_STABILITY
     stability = _certificate(system, stability_graph, (first, most), budget)
@@ -76,14 +80,16 @@ def step_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[s
     return certificates
 
 
-def _late_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEntries:
+def _uncertain_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEntries:
     """Certificate of `late_width`, or the limit of its search; empty where it is not to be had."""
     if len(gains.events) > 1:
         return {}
     if not turns(gains):
-        late = LateSystem(gains)
-        return {} if late.reason_against() else _certificate(late, width_graph, _FOR_WIDTH, budget)
-    if TurningSystem(gains).reason_against():
+        system = UncertainAdditiveSystem(gains)
+        return (
+            {} if system.reason_against() else _certificate(system, width_graph, _FOR_WIDTH, budget)
+        )
+    if UncertainGeneralSystem(gains).reason_against():
         return {}
     size = SizeSystem(gains)
     sizes = _certificate(size, width_graph, _FOR_WIDTH, budget)
@@ -91,8 +97,8 @@ def _late_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEnt
     if nodes is None:
         return sizes
     largest = np.max([sizes["tube"][mark.node] for mark in nodes.marks], axis=0)
-    turning = TurningSystem(gains, tuple(largest.tolist()))
-    own = _certificate(turning, width_graph, _FOR_WIDTH, budget)
+    general = UncertainGeneralSystem(gains, tuple(largest.tolist()))
+    own = _certificate(general, width_graph, _FOR_WIDTH, budget)
     return own if "tube" not in own else {**own, "sizes": sizes}
 
 

@@ -35,7 +35,6 @@ from obsdesign.verification.dwell import (
     source_of,
 )
 from obsdesign.verification.gain_constraints import constraint_claims
-from obsdesign.verification.interval.late_width import late_claims
 from obsdesign.verification.interval.obstruction import obstruction_claim, with_hints
 from obsdesign.verification.interval.sampled import at_any_spacing, samples_claim, spacing_claim
 from obsdesign.verification.interval.several_clocks import clocked_claims
@@ -47,6 +46,7 @@ from obsdesign.verification.interval.signs import (
     nonnegative_claim,
     split_claim,
 )
+from obsdesign.verification.interval.uncertain_width import uncertain_claims
 from obsdesign.verification.interval.width import limit_claim, width_claim
 from obsdesign.verification.rates import rates_claim
 
@@ -80,7 +80,7 @@ def claims(
     """
     del budget  # proofs end by their number of boxes
     if problem.plant.uncertain_events:
-        return late_claims(problem, stored, certificates)
+        return uncertain_claims(problem, stored, certificates)
     if problem.plant.needs_clock_gains:
         return clocked_claims(problem, stored, certificates)
     agreement, gains = consistent_gains(

@@ -11,9 +11,9 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.discrete_time import step_warnings
-from obsdesign.verification.interval.late_width import late_guarantees, late_states
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.several_clocks import clocked_guarantees, clocked_states
+from obsdesign.verification.interval.uncertain_width import uncertain_guarantees, uncertain_states
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
@@ -30,7 +30,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     """The sentences a user may rely on, and those that were required and not proved."""
     plant = problem.plant
     if plant.uncertain_events:
-        return late_guarantees(claims)
+        return uncertain_guarantees(claims)
     if plant.needs_clock_gains:
         return clocked_guarantees(problem, claims)
     verdicts = {claim.id: claim.verdict for claim in claims}
@@ -86,7 +86,7 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
 def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
     """Sensor strip and proved width of each state, of a plant with several clocks."""
     if problem.plant.uncertain_events:
-        return late_states(problem, claims)
+        return uncertain_states(problem, claims)
     return clocked_states(problem, claims) if problem.plant.needs_clock_gains else ()
 
 

@@ -19,13 +19,13 @@ from lmi.arithmetic.enclosure import Enclosure, expm, raised
 from obsdesign.analysis.interval.clock_system import ClockSystem
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.clocks import EventGains
-from obsdesign.equations.interval.late_jump import is_short
+from obsdesign.equations.interval.uncertain_jump import is_short
 
 CELLS = 64  # of a window
 
 
 @dataclass(frozen=True)
-class WindowSystem(ClockSystem):
+class UncertainSystem(ClockSystem):
     """Clocks between windows, and the flow in them."""
 
     @property

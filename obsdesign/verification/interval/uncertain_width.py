@@ -1,7 +1,7 @@
 """The interval observer with an event at uncertain times: the width of its bounds.
 
-A tube of the width of the body on the graph of the clocks, and the ranges of the curves of the last
-events beside it (`analysis.interval.late_system`). Both are made here from the problem.
+A tube of the width of the body on the graph of the clocks, and beside it the ranges of the curves
+of the last events (`analysis.interval.uncertain_additive_system`). Both are made from the problem.
 """
 
 from __future__ import annotations
@@ -12,9 +12,13 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.verdict import Verdict, proved, undecided
-from obsdesign.analysis.interval.late_system import LateSystem
 from obsdesign.analysis.interval.several_clocks import reason_against_clocks
-from obsdesign.analysis.interval.turning_system import SizeSystem, TurningSystem, turns
+from obsdesign.analysis.interval.uncertain_additive_system import UncertainAdditiveSystem
+from obsdesign.analysis.interval.uncertain_general_system import (
+    SizeSystem,
+    UncertainGeneralSystem,
+    turns,
+)
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.problem.problem import Problem
@@ -34,7 +38,7 @@ _NO_WIDTH = "No width of the bounds is guaranteed: {}."
 _SOURCE = "docs/uncertain_times.md; comparison with fewer samples"
 
 
-def late_claims(
+def uncertain_claims(
     problem: Problem, stored: Entries, certificates: EntriesByClaim
 ) -> tuple[Claim, ...]:
     """All claims of the design, each with its verdict; stored: gains as a file states them.
@@ -64,14 +68,14 @@ def late_claims(
 def _width(gains: ClockedIntervalGains, proposed: Entries) -> Verdict:
     """The tube of a certificate, proved, and what it comes to."""
     if not turns(gains):
-        return _with_curves(LateSystem(gains), proposed)
-    if reason := TurningSystem(gains).reason_against():
+        return _with_curves(UncertainAdditiveSystem(gains), proposed)
+    if reason := UncertainGeneralSystem(gains).reason_against():
         return undecided(reason)
     sizes = proved_width(SizeSystem(gains), proposed.get("sizes", {}))
     if sizes.outcome != "proved":
         return undecided("no tube was found for the size of the state")
     name = gains.events[0].name
-    system = TurningSystem(gains, tuple(sizes.evidence["before"][name]))
+    system = UncertainGeneralSystem(gains, tuple(sizes.evidence["before"][name]))
     verdict = proved_width(system, proposed)
     if verdict.outcome != "proved":
         return verdict
@@ -81,7 +85,7 @@ def _width(gains: ClockedIntervalGains, proposed: Entries) -> Verdict:
     return proved(**{**verdict.evidence, **own}, sizes=kept)
 
 
-def _with_curves(system: LateSystem, proposed: Entries) -> Verdict:
+def _with_curves(system: UncertainAdditiveSystem, proposed: Entries) -> Verdict:
     """The tube of the body, proved, and the curves beside it."""
     if reason := system.reason_against():
         return undecided(reason)
@@ -103,7 +107,7 @@ def _plus(body: list[float], half: Matrix) -> list[float]:
     return total
 
 
-def late_guarantees(claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
+def uncertain_guarantees(claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     enclosure = Guarantee.from_verdicts(_ENCLOSURE, ["consistent"], verdicts)
@@ -135,7 +139,7 @@ def _width_sentence(evidence: Entries) -> str:
     )
 
 
-def late_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
+def uncertain_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
     """Sensor strip and proved width of each state."""
     proved_of = {claim.id: claim.evidence for claim in claims if claim.verdict == "proved"}
     width = proved_of.get("late_width", {}).get("always", [None] * problem.plant.n)

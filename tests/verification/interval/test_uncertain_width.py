@@ -16,7 +16,7 @@ from obsdesign.document import Claim, Design
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample, rows_of
-from obsdesign.verification.interval.late_width import late_claims
+from obsdesign.verification.interval.uncertain_width import uncertain_claims
 
 PK: dict[str, Any] = {
     "flow": {
@@ -63,14 +63,14 @@ def design() -> Design:
     return obsdesign.design(Problem(**PK))
 
 
-def late(design: Design) -> Claim:
+def width_claim(design: Design) -> Claim:
     return next(claim for claim in design.claims if claim.id == "late_width")
 
 
 def test_the_width_is_proved_again_without_a_solver(design: Design) -> None:
     outcome = workflow.verify(design)
     assert outcome.verdict == "proved"
-    assert late(design).verdict == "proved"
+    assert width_claim(design).verdict == "proved"
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -84,7 +84,7 @@ def test_bounds_that_run_are_within_the_widths(design: Design, seed: int) -> Non
         w = np.array([1.0 if seed == 0 else float(rng.choice([-1, 1]))])
         rows += [Sample(t - 0.2501), Sample(t, w=w, jump=True, events=(0,)), Sample(t + 0.2501)]
         rows += [Sample(t + age) for age in (1.0, 2.0, 5.0)]
-    evidence = late(design).evidence
+    evidence = width_claim(design).evidence
     state = observer.init(0.0, lower=[0, 0, 0], upper=[0, 0, 0])
     listed = list(observer.run(state, rows))
     widths = np.array([e.upper - e.lower for e in listed])[-36:].reshape(6, 6, 3)
@@ -130,7 +130,7 @@ def test_widths_of_a_jump_that_turns_the_state(seed: int) -> None:
     assert ((low <= x + 1e-9) & (x - 1e-9 <= high)).all()
     stamps = run.t[run.happened[:, 0]]
     far = np.abs(run.t[:, None] - stamps).min(axis=1) > 0.05 + 1e-9
-    evidence = late(outcome.design).evidence
+    evidence = width_claim(outcome.design).evidence
     late_rows = far & (run.t > 20)
     assert ((high - low)[late_rows] <= evidence["always"]).all()
     assert (high - low)[late_rows].max() > 0.3 * max(evidence["always"])
@@ -159,28 +159,28 @@ def test_inputs_move_a_state_that_turns_anywhere() -> None:
 
 def test_a_lower_tube_of_sizes_is_not_proved() -> None:
     design = obsdesign.design(Problem(**TURNING))
-    evidence = late(design).evidence
+    evidence = width_claim(design).evidence
     own = {name: evidence[name] for name in ("cells", "tube")}
     for factor, verdict in ((1.0, "proved"), (0.97, "undecided")):
         sizes = evidence["sizes"]
         tube = (factor * np.array(sizes["tube"])).tolist()
         proposed = {"late_width": {**own, "sizes": {"cells": sizes["cells"], "tube": tube}}}
-        claims = late_claims(Problem(**TURNING), design.gains, proposed)
+        claims = uncertain_claims(Problem(**TURNING), design.gains, proposed)
         assert claims[-1].verdict == verdict
 
 
 def test_a_lower_tube_is_not_proved(design: Design) -> None:
     """The twin that must not be proved: a tube that the width leaves."""
-    evidence = late(design).evidence
+    evidence = width_claim(design).evidence
     for factor, verdict in ((1.0, "proved"), (0.97, "undecided")):
         tube = (factor * np.array(evidence["tube"])).tolist()
         proposed = {"late_width": {"cells": evidence["cells"], "tube": tube}}
-        claims = late_claims(Problem(**PK), design.gains, proposed)
+        claims = uncertain_claims(Problem(**PK), design.gains, proposed)
         assert claims[-1].verdict == verdict
 
 
 def test_a_width_that_was_made_smaller_is_refuted(design: Design) -> None:
-    own = late(design)
+    own = width_claim(design)
     less = [0.99 * width for width in own.evidence["always"]]
     forged = replace(own, evidence={**own.evidence, "always": less})
     claims = tuple(forged if claim is own else claim for claim in design.claims)
@@ -208,9 +208,9 @@ def test_a_flow_that_does_not_decay_is_undecided() -> None:
 
 
 def test_a_larger_error_has_the_larger_width(design: Design) -> None:
-    smaller = late(obsdesign.design(changed(time_error=0.1))).evidence
+    smaller = width_claim(obsdesign.design(changed(time_error=0.1))).evidence
     for name in ("before", "after", "always"):
-        assert (np.array(smaller[name]) < np.array(late(design).evidence[name])).all()
+        assert (np.array(smaller[name]) < np.array(width_claim(design).evidence[name])).all()
 
 
 def test_other_kinds_refuse_in_a_line() -> None:

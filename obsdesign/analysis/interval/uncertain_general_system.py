@@ -1,7 +1,7 @@
 """Width maps of an interval observer with one event at uncertain times, any G; upper bounds.
 
 How far a state moves in the window then depends on the state: y(sigma) = sum_k eta^k K_k X with
-X = (x, b, gamma) (`equations.interval.late_jump`). The middle of a box of width w that holds a
+X = (x, b, gamma) (`equations.interval.uncertain_jump`). The middle of a box of width w that holds a
 state |x| <= r is at most r + w / 2, so that the box behind the window has the width
 
     (N + sum_k |K_k^x|) w + 2 sum_k (|K_k^x| r + |K_k^b| |b| + |K_k^gamma| |gamma|) + ...,   k >= 1,
@@ -26,10 +26,10 @@ from lmi.arithmetic.balls import Exact, exact
 from lmi.arithmetic.enclosure import Enclosure, raised
 from lmi.bounds.graph_tube import Least
 from obsdesign.analysis.interval.clock_system import ClockSystem
-from obsdesign.analysis.interval.window_system import WindowSystem, times
+from obsdesign.analysis.interval.uncertain_system import UncertainSystem, times
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
-from obsdesign.equations.interval.late_jump import LateJump
+from obsdesign.equations.interval.uncertain_jump import UncertainJump
 
 _LENGTHS = 16  # cells of the length of a window
 
@@ -40,7 +40,7 @@ def turns(gains: ClockedIntervalGains) -> bool:
 
 
 @dataclass(frozen=True)
-class SizeSystem(WindowSystem):
+class SizeSystem(UncertainSystem):
     """The size of the state, without any sensor; just before it an event may happen."""
 
     @cached_property
@@ -69,7 +69,7 @@ class SizeSystem(WindowSystem):
 
 
 @dataclass(frozen=True)
-class TurningSystem(WindowSystem):
+class UncertainGeneralSystem(UncertainSystem):
     """Width maps for states of at most this size; sizes (n,): from a tube of a `SizeSystem`."""
 
     sizes: Sequence[float] = ()
@@ -98,31 +98,33 @@ class TurningSystem(WindowSystem):
         """(N, h): the width w becomes at most N w + h, whatever the length of the window."""
         half = math.nextafter(self.delta / _LENGTHS, math.inf)
         cells = [
-            LateJump.from_window(self.gains.A, self.event.G, (2 * k + 1) * half, half * (1 + 1e-12))
+            UncertainJump.from_window(
+                self.gains.A, self.event.G, (2 * k + 1) * half, half * (1 + 1e-12)
+            )
             for k in range(_LENGTHS)
         ]
         maps = [self._map(cell) for cell in cells]
         return np.max([N for N, _ in maps], axis=0), np.max([h for _, h in maps], axis=0)
 
-    def _map(self, late: LateJump) -> tuple[Matrix, Matrix]:
+    def _map(self, jump: UncertainJump) -> tuple[Matrix, Matrix]:
         """The same for one length."""
         n = self.gains.n
         b_lower, b_upper = self.gains.flow_lower, self.gains.flow_upper
         c_lower, c_upper = image_box(*self.event.disturbance)
         b = np.maximum(np.abs(b_lower), np.abs(b_upper))[:, None]
-        curve = raised(np.sum([x.magnitude for x in late.terms[1:]], axis=0), len(late.terms))
+        curve = raised(np.sum([x.magnitude for x in jump.terms[1:]], axis=0), len(jump.terms))
         moves = times(curve[:, :n], np.array(self.sizes)[:, None])
         moves = moves + times(curve[:, n : 2 * n], b)
         added = Enclosure.exactly(self.added)
-        for term in late.terms[1:]:
+        for term in jump.terms[1:]:
             part = Enclosure(term.mid[:, 2 * n :], term.rad[:, 2 * n :]) @ added
             moves = moves + part.magnitude.sum(axis=1, keepdims=True)
-        rest = times(late.remainder[:, :n], np.array(self.sizes)[:, None])
-        rest = rest + times(late.remainder[:, n : 2 * n], b)
-        rest = rest + times(late.remainder[:, 2 * n :], np.abs(self.added)).sum(
+        rest = times(jump.remainder[:, :n], np.array(self.sizes)[:, None])
+        rest = rest + times(jump.remainder[:, n : 2 * n], b)
+        rest = rest + times(jump.remainder[:, 2 * n :], np.abs(self.added)).sum(
             axis=1, keepdims=True
         )
-        inputs = times(late.b_spread, (b_upper - b_lower)[:, None])
-        inputs = inputs + times(late.c_spread, (c_upper - c_lower)[:, None])
+        inputs = times(jump.b_spread, (b_upper - b_lower)[:, None])
+        inputs = inputs + times(jump.c_spread, (c_upper - c_lower)[:, None])
         h = raised(2 * (moves + rest) + inputs, 64 + 4 * n)[:, 0]
-        return raised(late.x_spread + curve[:, :n] + late.remainder[:, :n], 4), h
+        return raised(jump.x_spread + curve[:, :n] + jump.remainder[:, :n], 4), h

@@ -37,7 +37,7 @@ _SLICES = 4  # of [-1, 1], on each of which a polynomial is bounded by its Berns
 
 
 @dataclass(frozen=True)
-class LateJump:
+class UncertainJump:
     """Coefficients of a window of one length.
 
     terms: of eta^k, (n, 3n) each; remainder (n, 3n): times |X|; x_spread, b_spread, c_spread
@@ -51,7 +51,7 @@ class LateJump:
     c_spread: Matrix
 
     @classmethod
-    def from_window(cls, A: Matrix, G: Matrix, h: float, error: float) -> LateJump:
+    def from_window(cls, A: Matrix, G: Matrix, h: float, error: float) -> UncertainJump:
         """Of a window of length h, known to +- error."""
         n = len(A)
         Y = _augmented(G, np.zeros_like(A), np.eye(n), diagonal=1.0)
@@ -98,16 +98,21 @@ def is_short(A: Matrix, h: float) -> bool:
 
 
 def added_in_parts(
-    late: LateJump, A: Matrix, h: float, error: float, parts: int, added: tuple[Enclosure, Matrix]
+    jump: UncertainJump,
+    A: Matrix,
+    h: float,
+    error: float,
+    parts: int,
+    added: tuple[Enclosure, Matrix],
 ) -> tuple[Matrix, Matrix]:
     """(box [lower; -upper], direction (n,)) of what an event with G = I adds in a long window.
 
-    late: of one of its parts, of length h; added: middle (n, 1) and radius of what the event adds.
+    jump: of one of its parts, of length h; added: middle (n, 1) and radius of what the event adds.
     The sum of the box and of eta times the direction, eta from -1 to 1 the time of the event.
     """
     n, zero = len(A), np.zeros(len(A))
-    coefficients, radius = late.polynomial(zero, zero, Enclosure.exactly(zero[:, None]), added[0])
-    radius = raised(radius + raised(late.c_spread @ added[1], 2 * n), 2)
+    coefficients, radius = jump.polynomial(zero, zero, Enclosure.exactly(zero[:, None]), added[0])
+    radius = raised(radius + raised(jump.c_spread @ added[1], 2 * n), 2)
     W = np.where(np.eye(n, dtype=bool), A, np.abs(A))
     flow, growth = expm(Enclosure.exactly(A).scaled(h, error)), np.maximum(
         expm(Enclosure.exactly(W).scaled(h, error)).upper, 0.0

@@ -21,9 +21,9 @@ from lmi.arithmetic.balls import exact
 from lmi.arithmetic.enclosure import Enclosure, expm, raised
 from lmi.bounds.graph_tube import Least
 from obsdesign.analysis.interval.clock_system import ClockSystem
-from obsdesign.analysis.interval.window_system import CELLS, WindowSystem, product, times
+from obsdesign.analysis.interval.uncertain_system import CELLS, UncertainSystem, product, times
 from obsdesign.equations.boxes import image_box
-from obsdesign.equations.interval.late_jump import DEGREE, MOST_CURVES, LateJump
+from obsdesign.equations.interval.uncertain_jump import DEGREE, MOST_CURVES, UncertainJump
 
 _AGES = 256  # of the shortest time between two stamps
 _DOUBLINGS = 60
@@ -31,7 +31,7 @@ _LARGEST_FLOW = 1e50  # beyond, the flow is taken to grow for ever
 
 
 @dataclass(frozen=True)
-class LateSystem(WindowSystem):
+class UncertainAdditiveSystem(UncertainSystem):
     """Width maps of the body; of samples with the curves as part of the noise."""
 
     def reason_against(self) -> str | None:
@@ -83,20 +83,20 @@ class LateSystem(WindowSystem):
             total = raised(np.sum([x.magnitude for x in terms], axis=0), len(terms) + 2)
             largest = np.maximum(largest, times(total, short))
             flow = step @ flow
-        return raised(largest + self._late.remainder[:, 2 * n :], 1)
+        return raised(largest + self._jump_maps.remainder[:, 2 * n :], 1)
 
     @cached_property
     def _remainder(self) -> Matrix:
         """What the polynomial of the added columns leaves, (n,)."""
         n = self.gains.n
-        rest = times(self._late.remainder[:, 2 * n :], np.abs(self.added))
+        rest = times(self._jump_maps.remainder[:, 2 * n :], np.abs(self.added))
         return raised(rest.sum(axis=1), rest.shape[1] + 1)
 
     @cached_property
-    def _late(self) -> LateJump:
+    def _jump_maps(self) -> UncertainJump:
         """Of the longest window."""
         h = math.nextafter(2 * self.delta, math.inf)
-        return LateJump.from_window(self.gains.A, np.eye(self.gains.n), h, 0.0)
+        return UncertainJump.from_window(self.gains.A, np.eye(self.gains.n), h, 0.0)
 
     @cached_property
     def largest_flow(self) -> Matrix:
@@ -136,7 +136,7 @@ class CurveSizes:
     folded: Matrix
 
     @classmethod
-    def from_system(cls, system: LateSystem) -> CurveSizes:
+    def from_system(cls, system: UncertainAdditiveSystem) -> CurveSizes:
         """Those of a system whose flow decays."""
         n, C = system.gains.n, system.gains.C
         shortest = ClockSystem(system.gains).dwell(0)[0]
@@ -154,7 +154,7 @@ class CurveSizes:
         return cls(live[:n], before[:n], live[n:], since(MOST_CURVES)[:n])
 
 
-def _sizes_by_age(system: LateSystem, rows: Matrix, shortest: float) -> Matrix:
+def _sizes_by_age(system: UncertainAdditiveSystem, rows: Matrix, shortest: float) -> Matrix:
     """Half ranges of rows times a curve by its age, in cells of the shortest time.
 
     (MOST_CURVES + 1) _AGES + 1 of them; the last one is for all ages from there on. A window that
