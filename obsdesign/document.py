@@ -174,19 +174,19 @@ def jsonable(value: Value) -> Value:
     return value
 
 
-def same(one: object, other: object) -> bool:
+def same(first: object, second: object) -> bool:
     """Are two JSON values equal? 1 is 1.0, and true is neither."""
-    if isinstance(one, list) and isinstance(other, list):
-        return len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
-    return bool(isinstance(one, bool) == isinstance(other, bool) and one == other)
+    if isinstance(first, list) and isinstance(second, list):
+        return len(first) == len(second) and all(map(same, first, second))
+    if isinstance(first, dict) and isinstance(second, dict):
+        return first.keys() == second.keys() and all(same(first[key], second[key]) for key in first)
+    return bool(isinstance(first, bool) == isinstance(second, bool) and first == second)
 
 
 def digest(body: Entries) -> str:
     """sha256 of the canonical text of everything but the digest."""
-    rest = {key: value for key, value in body.items() if key != "digest"}
+    signed = {key: value for key, value in body.items() if key != "digest"}
     text = json.dumps(
-        rest, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
+        signed, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
     )
     return "sha256:" + hashlib.sha256(text.encode("utf-8")).hexdigest()

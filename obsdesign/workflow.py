@@ -208,8 +208,8 @@ def _best(tried: list[_Tried]) -> _Tried:
     """
     proved = [one for one in tried if one.verdict == "proved"]
     if proved:
-        return min(proved, key=lambda one: one.candidate.cost or 0.0)
-    return min(reversed(tried), key=lambda one: ("undecided", "refuted").index(one.verdict))
+        return min(proved, key=lambda attempt: attempt.candidate.cost or 0.0)
+    return min(reversed(tried), key=lambda attempt: ("undecided", "refuted").index(attempt.verdict))
 
 
 def _result(problem: Problem, label: str, tried: list[_Tried]) -> NewEntries:

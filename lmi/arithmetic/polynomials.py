@@ -33,10 +33,10 @@ def divided(
     monic: of degree d, at most len(p) - 1, its last coefficient 1; the remainder has d
     coefficients.
     """
-    rest, degree = list(p), len(monic) - 1
+    remainder, degree = list(p), len(monic) - 1
     quotient = [rational(0.0)] * (len(p) - degree)
     for shift in reversed(range(len(quotient))):
-        quotient[shift] = factor = rest[shift + degree]
+        quotient[shift] = factor = remainder[shift + degree]
         for i, c in enumerate(monic):
-            rest[i + shift] = rest[i + shift] - factor * c
-    return quotient, rest[:degree]
+            remainder[i + shift] = remainder[i + shift] - factor * c
+    return quotient, remainder[:degree]

@@ -67,7 +67,7 @@ class _Search:
             min(high for _, high in ends), self.kept
         )  # fmt: skip
 
-    def at(self, x: float) -> Modes:
+    def modes_with(self, x: float) -> Modes:
         """The modes with the searched end at x."""
         stays = list(self.modes.stays)
         for i in self.searched:
@@ -85,7 +85,7 @@ class _Search:
             )
         good, bad = self._ends(extreme)
         if good is None:
-            verdict = decide_modes(self.at(self.kept), budget=self.budget)
+            verdict = decide_modes(self.modes_with(self.kept), budget=self.budget)
             if verdict.outcome != "proved":
                 return Bracket(None, self.kept, verdict.outcome, obstacle=verdict.evidence,
                                ended=self.budget.ended())  # fmt: skip
@@ -94,7 +94,7 @@ class _Search:
         far, word = self._refuted(good[0], bad)
         if word is not None and abs(far - good[0]) > max(self.accuracy, _WORTH_CELLS) * far:
             good, _ = self._narrowed(*good, far, _CELL_STEPS, with_cells=True)
-        obstacle = decide_modes(self.at(bad), budget=self.budget) if word is None else word
+        obstacle = decide_modes(self.modes_with(bad), budget=self.budget) if word is None else word
         outcome = obstacle.outcome if obstacle.outcome == "refuted" else "undecided"
         return Bracket(
             good[0], far, outcome, good[1].evidence, obstacle.evidence, ended=self.budget.ended(),
@@ -103,7 +103,7 @@ class _Search:
 
     def _plain(self, x: float) -> ModeSearch:
         """One P for each mode."""
-        return find_modes(self.at(x), most_cells=len(self.modes), budget=self.budget)
+        return find_modes(self.modes_with(x), most_cells=len(self.modes), budget=self.budget)
 
     def _ends(self, extreme: float) -> tuple[tuple[float, Verdict] | None, float]:
         """(an end that is proved, one beyond it that is not), by doubling or halving."""
@@ -141,7 +141,9 @@ class _Search:
             ):
                 break
             x = good * 2 if math.isinf(bad) else (good + bad) / 2
-            many = find_modes(self.at(x), budget=self.budget) if with_cells else self._plain(x)
+            many = (
+                find_modes(self.modes_with(x), budget=self.budget) if with_cells else self._plain(x)
+            )
             if many.verdict.outcome == "proved":
                 good, proof = x, many.verdict
             else:
@@ -152,7 +154,7 @@ class _Search:
         """The nearest end beyond `good` that a cycle of stays refutes; (bad, None) if none does."""
         x, step = bad, abs(bad - good)
         for _ in range(_DOUBLINGS):
-            verdict = refuted_by_word(self.at(x), (), budget=self.budget)
+            verdict = refuted_by_word(self.modes_with(x), (), budget=self.budget)
             if verdict.outcome == "refuted":
                 return self._nearest(good, x, verdict)
             further = max(x - step, x / 2) if self.is_shortest else x + step
@@ -173,8 +175,8 @@ class _Search:
             if abs(bad - good) <= 0.2 * self.accuracy * max(good, bad):
                 break
             x = (good + bad) / 2
-            tried = followed(self.at(x), word)
-            attempt = refute_stays(self.at(x), tried.word)
+            tried = followed(self.modes_with(x), word)
+            attempt = refute_stays(self.modes_with(x), tried.word)
             if attempt.outcome == "refuted":
                 bad, verdict, word = x, attempt, tried.word
             else:

@@ -23,13 +23,13 @@ class ModeTimes:
     times: Matrix
     modes: tuple[int, ...]
 
-    def before(self, rows: Matrix) -> list[int]:
+    def modes_before(self, rows: Matrix) -> list[int]:
         """The mode that leads up to each row; rows (k,) in order."""
         places = np.searchsorted(self.times, rows, side="left")
         listed = (self.first, *self.modes)
         return [listed[k] for k in places.tolist()]
 
-    def at(self, rows: Matrix) -> list[int]:
+    def modes_of(self, rows: Matrix) -> list[int]:
         """The mode from each row on."""
         places = np.searchsorted(self.times, rows, side="right")
         listed = (self.first, *self.modes)

@@ -148,8 +148,8 @@ def _trajectory(
     cache: dict[tuple[int, float], Matrix] = {}
     now, pending = 0.0, instants.uncertain_events()
     at_rows = instants.exact_events()
-    leading = [0] * len(instants.times) if changes is None else changes.before(instants.times)
-    following = leading if changes is None else changes.at(instants.times)
+    leading = [0] * len(instants.times) if changes is None else changes.modes_before(instants.times)
+    following = leading if changes is None else changes.modes_of(instants.times)
     senders, times = ChangeSenders.from_plant(plant), instants.times.tolist()
     for k, t in enumerate(times):
         mode = leading[k]

@@ -15,7 +15,9 @@ def plain_blocks(problem: Entries) -> Entries:
     if not isinstance(sensors, list) or not all(isinstance(x, dict) for x in [*sensors, *events]):
         return problem
     blocks: NewEntries = {name: problem.get(name) for name in ("flow", "timing", "observer")}
-    blocks["output"] = _together(sensors) if _is_irregular(sensors, events) else _of(sensors[0])
+    blocks["output"] = (
+        _stacked_output(sensors) if _is_irregular(sensors, events) else _output_of(sensors[0])
+    )
     if len(events) == 1 and not _is_irregular(sensors, events):
         every = events[0].get("every")
         blocks["jump"] = {**events[0], "dwell_time": [every, every] if is_number(every) else every}
@@ -24,20 +26,21 @@ def plain_blocks(problem: Entries) -> Entries:
 
 
 def _is_irregular(sensors: list[Value], events: list[Value]) -> bool:
-    one = sensors[0]
-    every = one.get("every")
-    is_fixed = not isinstance(every, list) and not one.get("losses") and not one.get("jitter")
+    first = sensors[0]
+    every = first.get("every")
+    is_fixed = not isinstance(every, list) and not first.get("losses") and not first.get("jitter")
     return len(sensors) > 1 or len(events) > 1 or not is_fixed
 
 
-def _of(sensor: Value) -> NewEntries:
+def _output_of(sensor: Value) -> NewEntries:
     """The [output] of one sensor that is read always, every period, or at jumps."""
     every = sensor.get("every")
     own = {**sensor, "jump_measurement": sensor.get("sees", "before")}
     return own | ({"period": every} if is_number(every) else {})
 
 
-def _together(sensors: list[Value]) -> NewEntries:
+def _stacked_output(sensors: list[Value]) -> NewEntries:
+    """The [output] of several sensors: all their rows."""
     bounds = [sensor.get("noise_bound") for sensor in sensors]
     listed = [bound for own in bounds if isinstance(own, list) for bound in own]
     if any(isinstance(bound, list) for bound in listed):

@@ -59,8 +59,8 @@ def riccati_gain(
     if not weights:
         plant = BalancedPlant.from_matrices(A, C, own_pace=pace)
         faster = 1.0 + rate / plant.pace
-        one = {"state": [1.0] * n, "output": [1.0] * p}
-        L = riccati_gain(plant.A / faster, plant.C, one, rate / plant.pace / faster)
+        unit_weights = {"state": [1.0] * n, "output": [1.0] * p}
+        L = riccati_gain(plant.A / faster, plant.C, unit_weights, rate / plant.pace / faster)
         return plant.flow_gain(faster * L)
     state = np.array(weights.get("state", [1.0] * n))
     deviations = np.sqrt(np.array(weights.get("output", [1.0] * p)))

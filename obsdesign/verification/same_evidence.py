@@ -104,17 +104,17 @@ def difference(claim: str, stored: object, proved: object) -> Difference | None:
 def _differences(path: str, stored: Value, proved: Value, estimate: bool) -> Iterator[Difference]:
     if isinstance(stored, Mapping) and isinstance(proved, Mapping):
         for key in sorted({*stored, *proved}):
-            here = f"{path}.{key}"
+            place = f"{path}.{key}"
             if key not in stored and key in (*_ADDED, *_ADDED_MARKS):
                 continue
             if key not in stored or key not in proved:
-                yield Difference(here, True)
+                yield Difference(place, True)
             elif key in _COURSE:
                 if not _alike(key, stored[key], proved[key]):
-                    yield Difference(here, True)
+                    yield Difference(place, True)
             else:
                 named = key == "estimated" or key.startswith("approx_")
-                gaps = _differences(here, stored[key], proved[key], estimate or named)
+                gaps = _differences(place, stored[key], proved[key], estimate or named)
                 yield from _unconfirmed(gaps) if key in _BOUNDS.get(path, ()) else gaps
     elif isinstance(stored, list) and isinstance(proved, list):
         if len(stored) != len(proved):

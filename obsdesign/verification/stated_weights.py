@@ -100,15 +100,15 @@ def _covariance(F: Exact, W: Exact, sizes: Array) -> Exact | None:
     flow = to_float(F * units / units[:, None])
     if not np.linalg.eigvals(flow).real.max() < 0:
         return None
-    S, rest = exact(np.zeros(F.shape)), W
+    S, residual = exact(np.zeros(F.shape)), W
     for _ in range(3):
-        scaled = to_float(rest / units / units[:, None])
+        scaled = to_float(residual / units / units[:, None])
         with np.errstate(all="ignore"):
             step = solve_continuous_lyapunov(flow, -scaled)
         if not np.isfinite(step).all():
             return None
         S = S + exact((step + step.T) / 2) * units * units[:, None]
-        rest = W + F @ S + S @ F.T
+        residual = W + F @ S + S @ F.T
     return S
 
 

@@ -142,8 +142,11 @@ class MarkGraph:
     def _of_mark(self, mark: int) -> list[Strategy]:
         strategies = [self._direct(mark)]
         strategies += [self._whatever_age("aged", mark, sensor) for sensor in self.cells]
-        for one, two in combinations(self.cells, 2):
-            orders = (self._last_of_both(mark, one, two), self._last_of_both(mark, two, one))
+        for first, second in combinations(self.cells, 2):
+            orders = (
+                self._last_of_both(mark, first, second),
+                self._last_of_both(mark, second, first),
+            )
             strategies.append(tuple(chain(*orders)))
         return strategies
 

@@ -30,22 +30,22 @@ MOST_MARKS = 250
 _MOST_PARTS = 64
 
 
-def meet(one: Range, two: Range) -> Range | None:
+def meet(first: Range, second: Range) -> Range | None:
     """Times in both ranges; None for none."""
-    ends = [high for _, high in (one, two) if high is not None]
-    low, high = max(one[0], two[0]), min(ends, default=None)
+    ends = [high for _, high in (first, second) if high is not None]
+    low, high = max(first[0], second[0]), min(ends, default=None)
     return None if high is not None and high < low else (low, high)
 
 
-def met(ranges: Sequence[Range], one: Range) -> list[Range]:
-    """What each of some ranges has in common with one, where there is any."""
-    return [own for each in ranges if (own := meet(each, one)) is not None]
+def met(ranges: Sequence[Range], other: Range) -> list[Range]:
+    """What each of some ranges has in common with another, where there is any."""
+    return [own for each in ranges if (own := meet(each, other)) is not None]
 
 
-def less(one: Range, two: Range) -> Range | None:
+def less(first: Range, second: Range) -> Range | None:
     """Differences >= 0 of a time in one range and a time in the other; None for none."""
-    low = Fraction(0) if two[1] is None else max(one[0] - two[1], Fraction(0))
-    high = None if one[1] is None else one[1] - two[0]
+    low = Fraction(0) if second[1] is None else max(first[0] - second[1], Fraction(0))
+    high = None if first[1] is None else first[1] - second[0]
     return None if high is not None and high < low else (low, high)
 
 

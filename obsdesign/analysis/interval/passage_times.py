@@ -31,14 +31,14 @@ def held(
     `Passage`.
     """
     silent = None if all(touched) else tuple(not is_bounded for is_bounded in touched)
-    strategies = [tuple(_with(each, None, (), silent) for each in passages)]
+    strategies = [tuple(_restricted(each, None, (), silent) for each in passages)]
     for i in np.flatnonzero(touched) if n > 1 else ():
         others = tuple(j != i for j in range(n))
-        strategies.append(tuple(_with(each, others, through, None) for each in passages))
+        strategies.append(tuple(_restricted(each, others, through, None) for each in passages))
     return strategies
 
 
-def _with(
+def _restricted(
     own: Passage,
     is_held: tuple[bool, ...] | None,
     through: tuple[int, ...],

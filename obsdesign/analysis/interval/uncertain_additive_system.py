@@ -61,10 +61,10 @@ class UncertainAdditiveSystem(UncertainSystem):
         flow, delta = exact(self.window_flow), exact(np.array(self.delta))[()]
         c_lower, c_upper = image_box(*self.event.disturbance)
         c = exact(c_upper) - exact(c_lower)
-        rest = (
+        noise = (
             exact(self._c_spread) @ c + 2 * exact(self._remainder) + 2 * exact(self.curves.folded)
         )
-        return (Least(((flow, 2 * delta * (flow @ self.f) + rest),)),)
+        return (Least(((flow, 2 * delta * (flow @ self.f) + noise),)),)
 
     @cached_property
     def curves(self) -> CurveSizes:
@@ -89,8 +89,8 @@ class UncertainAdditiveSystem(UncertainSystem):
     def _remainder(self) -> Matrix:
         """What the polynomial of the added columns leaves, (n,)."""
         n = self.gains.n
-        rest = times(self._jump_maps.remainder[:, 2 * n :], np.abs(self.added))
-        return raised(rest.sum(axis=1), rest.shape[1] + 1)
+        remainder = times(self._jump_maps.remainder[:, 2 * n :], np.abs(self.added))
+        return raised(remainder.sum(axis=1), remainder.shape[1] + 1)
 
     @cached_property
     def _jump_maps(self) -> UncertainJump:

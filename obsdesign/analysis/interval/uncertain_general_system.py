@@ -56,8 +56,8 @@ class SizeSystem(UncertainSystem):
     def dwell(self, event: int) -> tuple[float, float]:
         """From an event to any time in the window of the next one, not later than that event."""
         low, high = ClockSystem(self.gains).dwell(event)
-        rest = Fraction(low) - 2 * Fraction(self.delta)
-        return math.nextafter(float(rest), 0.0), math.nextafter(high + 2 * self.delta, math.inf)
+        shortest = Fraction(low) - 2 * Fraction(self.delta)
+        return math.nextafter(float(shortest), 0.0), math.nextafter(high + 2 * self.delta, math.inf)
 
     def happened(self, events: Sequence[int]) -> tuple[Least, ...]:
         """What an event makes of it."""
@@ -119,12 +119,12 @@ class UncertainGeneralSystem(UncertainSystem):
         for term in jump.terms[1:]:
             part = Enclosure(term.mid[:, 2 * n :], term.rad[:, 2 * n :]) @ added
             moves = moves + part.magnitude.sum(axis=1, keepdims=True)
-        rest = times(jump.remainder[:, :n], np.array(self.sizes)[:, None])
-        rest = rest + times(jump.remainder[:, n : 2 * n], b)
-        rest = rest + times(jump.remainder[:, 2 * n :], np.abs(self.added)).sum(
+        remainder = times(jump.remainder[:, :n], np.array(self.sizes)[:, None])
+        remainder = remainder + times(jump.remainder[:, n : 2 * n], b)
+        remainder = remainder + times(jump.remainder[:, 2 * n :], np.abs(self.added)).sum(
             axis=1, keepdims=True
         )
         inputs = times(jump.b_spread, (b_upper - b_lower)[:, None])
         inputs = inputs + times(jump.c_spread, (c_upper - c_lower)[:, None])
-        h = raised(2 * (moves + rest) + inputs, 64 + 4 * n)[:, 0]
+        h = raised(2 * (moves + remainder) + inputs, 64 + 4 * n)[:, 0]
         return raised(jump.x_spread + curve[:, :n] + jump.remainder[:, :n], 4), h

@@ -68,8 +68,8 @@ class UncertainSystem(ClockSystem):
     def dwell(self, event: int) -> tuple[float, float]:
         """(shortest, longest) time from the end of a window to the next one."""
         low, high = super().dwell(event)
-        rest = Fraction(low) - 2 * Fraction(self.delta)
-        return math.nextafter(float(rest), 0.0), high
+        shortest = Fraction(low) - 2 * Fraction(self.delta)
+        return math.nextafter(float(shortest), 0.0), high
 
     @cached_property
     def added(self) -> Matrix:

@@ -121,9 +121,9 @@ class NoisyImpulses:
         features, window = self._features(age), self.window
         D, n = window.D, len(window.D)
         Q = self.K @ np.diag(self.intensity) @ self.K.T
-        rest = max(self.dwell - window.tau, 0.0)
-        between, state = expm(D * rest), expm(D * age) @ window.H
-        growth, moves = error_growth(D, Q, rest), np.hstack([D @ state, state])
+        pause = max(self.dwell - window.tau, 0.0)
+        between, state = expm(D * pause), expm(D * age) @ window.H
+        growth, moves = error_growth(D, Q, pause), np.hstack([D @ state, state])
         P = np.zeros((n, n))
         for _ in range(_IMPULSES):
             sources = features.sources(P)

@@ -81,9 +81,9 @@ class UncertainJump:
         values = [term @ X for term in self.terms]
         size = raised(np.abs(X.mid) + X.rad, 1)
         terms = 4 * len(size) + 8
-        rest = raised(self.remainder @ size, terms)[:, 0] + raised(self.x_spread @ radius, terms)
-        rest = raised(rest + sum(value.rad[:, 0] for value in values), len(values) + 3)
-        return np.array([value.mid[:, 0] for value in values]), rest
+        spread = raised(self.remainder @ size, terms)[:, 0] + raised(self.x_spread @ radius, terms)
+        spread = raised(spread + sum(value.rad[:, 0] for value in values), len(values) + 3)
+        return np.array([value.mid[:, 0] for value in values]), spread
 
 
 def parts_of(A: Matrix, h: float) -> int:

@@ -79,8 +79,8 @@ def moved_to(
     for i in range(missed):
         instant = last + (i + 1) * period
         state = sampled(constants, flowed(constants, state, instant, 0.0, timing.slack), None)
-    rest = 0.0 if timing.regular else (timing.missed(period) + 1) * period - timing.elapsed
-    state = flowed(constants, state, t, rest, timing.slack)
+    remaining = 0.0 if timing.regular else (timing.missed(period) + 1) * period - timing.elapsed
+    state = flowed(constants, state, t, remaining, timing.slack)
     if timing.regular:
         # the stamp of a row without a sample is only near to the instant
         if has_gap or (has_sample and periods >= constants.most_periods_counted):

@@ -61,11 +61,15 @@ def _unbounded(n: int, centre: Matrix) -> StateBounds:
 
 
 def flowed(
-    constants: WindowConstants, state: FiniteTimeState, t: float, rest: float, slack: float = 0.0
+    constants: WindowConstants,
+    state: FiniteTimeState,
+    t: float,
+    remaining: float,
+    slack: float = 0.0,
 ) -> FiniteTimeState:
     """The state after the flow to time t, without a sample.
 
-    rest: time to the next instant; slack: of the length, as instants may be off their stamps.
+    remaining: time to the next instant; slack: of the length, as instants may be off their stamps.
     """
     h, size = t - state.t, max(abs(t), abs(state.t))
     if h <= 0:
@@ -87,8 +91,8 @@ def flowed(
     )
     if state.last_instant is not None and constants.is_driven:  # w is free until the first sample
         error = maps.error(state.w, push)
-        if rest > 0:
-            error = constants.maps(rest, size + rest).carried(error)
+        if remaining > 0:
+            error = constants.maps(remaining, size + remaining).carried(error)
         bounds = bounds._replace(w_error=raised(bounds.w_error + error, 1))
     return state._replace(t=t, x=x, w=w, known=known, bounds=bounds)
 

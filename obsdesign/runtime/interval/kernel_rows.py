@@ -169,8 +169,8 @@ def _is_between(box: _Rows, free: _Rows, C: Enclosure, V: Matrix, j: int) -> boo
     share = c * float(box.X.mid[j, n + p + i])
     if not 0 < share <= 1 or np.count_nonzero(C.mid[i]) > 1 or C.rad[i].any():
         return False
-    rest = (1 - share) * (1 - _NO_WIDER)
-    R, g = rest * free.R[j], rest * free.g[j] + share * (1 - _NO_WIDER) * V[i] / abs(c)
+    free_share = (1 - share) * (1 - _NO_WIDER)
+    R, g = free_share * free.R[j], free_share * free.g[j] + share * (1 - _NO_WIDER) * V[i] / abs(c)
     return bool((box.R[j] >= R).all() and box.g[j] >= g)
 
 

@@ -72,11 +72,11 @@ class _Together:
         self._v = np.tile(kernel.blank, (count + 1, 1))
         self._out = np.empty((count, len(kernel.rows)))
         outer, inner = kernel.blocks
-        one, *others = (self._out[:, block] for block in inner or outer)
-        other, *more = others[::-1] or [one]
+        first, *others = (self._out[:, block] for block in inner or outer)
+        second, *more = others[::-1] or [first]
         boxes, sizes = self._v[1:, :n2], self._v[1:, middle : middle + n2]
         further = list(zip(*more, strict=True)) or [()] * count
-        views = zip(self._v, self._out, one, other, boxes, sizes, further, strict=False)
+        views = zip(self._v, self._out, first, second, boxes, sizes, further, strict=False)
         self._views = list(views)
 
     def rows(
@@ -91,9 +91,9 @@ class _Together:
             v[:-1, start : start + values.shape[1]] = values
         np.abs(v[:, :middle], out=v[:, middle:])
         product, maximum, absolute = kernel.rows.dot, np.maximum, np.absolute
-        for given, result, one, other, ends, sizes, more in self._views[:count]:
+        for given, result, first, second, ends, sizes, more in self._views[:count]:
             product(given, result)
-            maximum(one, other, out=ends)
+            maximum(first, second, out=ends)
             for block in more:
                 maximum(ends, block, out=ends)
             absolute(ends, sizes)

@@ -179,10 +179,10 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
         if self.gains.B is not None:
             beta = beta + exactly(self.gains.B) @ exactly(u[:, None])
         gamma, c_rad = self._jump_input(window)
-        values, rest = maps.polynomial(centre, radius, beta, gamma)
+        values, spread = maps.polynomial(centre, radius, beta, gamma)
         inputs = raised(maps.b_spread @ b_rad, 2 * n) + raised(maps.c_spread @ c_rad, 2 * n)
-        rest = raised(rest + inputs, 3)
-        body = np.nextafter(np.concatenate([values[0], -values[0]]) - np.tile(rest, 2), -np.inf)
+        spread = raised(spread + inputs, 3)
+        body = np.nextafter(np.concatenate([values[0], -values[0]]) - np.tile(spread, 2), -np.inf)
         return body, values[1:]
 
     def uncertain_jump_alone(self, window: Window, h: float, size: float) -> tuple[Matrix, Matrix]:
@@ -198,9 +198,9 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
             return body, np.vstack([direction, np.zeros((DEGREE - 1, n))])
         zero, nothing = exactly(np.zeros((n, 1))), np.zeros(n)
         maps = self.jump_in(window, h, size)
-        values, rest = maps.polynomial(nothing, nothing, zero, gamma)
-        rest = raised(rest + raised(maps.c_spread @ c_rad, 2 * n), 2)
-        body = np.concatenate([values[0], -values[0]]) - np.tile(rest, 2)
+        values, spread = maps.polynomial(nothing, nothing, zero, gamma)
+        spread = raised(spread + raised(maps.c_spread @ c_rad, 2 * n), 2)
+        body = np.concatenate([values[0], -values[0]]) - np.tile(spread, 2)
         return np.nextafter(body, -np.inf), values[1:]
 
     def _jump_input(self, window: Window) -> tuple[Enclosure, Matrix]:

@@ -54,10 +54,10 @@ def _walk(window: Window, targets: Targets, mu: Matrix) -> tuple[Matrix, Matrix]
     pull = mu.transpose(1, 0, 2) @ window.C
     last = int(places.min())
     for k in range(T - 1, -1, -1):
-        here = p[k + 1]
+        following = p[k + 1]
         if k >= last:
-            here = here + np.where((places == k)[:, None], rows, 0.0)
-        np.subtract(here, pull[k], out=q[k])
+            following = following + np.where((places == k)[:, None], rows, 0.0)
+        np.subtract(following, pull[k], out=q[k])
         np.matmul(q[k], window.Phi[k], out=p[k])
     if last < 0:
         p[0] += np.where((places == -1)[:, None], rows, 0.0)

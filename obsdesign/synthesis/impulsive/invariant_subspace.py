@@ -55,8 +55,8 @@ def corrected_part(
     core = _beyond(hidden, V)
     whole = _simple(np.hstack([hidden, core]))
     middle = _independent_of(hidden, whole, core.shape[1])
-    rest = _independent_of(V, np.eye(n), n - V.shape[1])
-    basis = np.hstack([_simple(hidden), middle, rest]) / units[:, None]
+    complement = _independent_of(V, np.eye(n), n - V.shape[1])
+    basis = np.hstack([_simple(hidden), middle, complement]) / units[:, None]
     return Parts(basis, hidden.shape[1], core.shape[1])
 
 

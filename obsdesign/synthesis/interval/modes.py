@@ -96,7 +96,7 @@ def _searched(
                 (value, L, M), more = best_gains(task, "narrowest", budget)
                 remarks += more
                 results.append((value, task.gains(L, M)[0]))
-        value, L = min(results, key=lambda one: one[0])
+        value, L = min(results, key=lambda result: result[0])
         if math.isfinite(value):
             return L, remarks
     return np.zeros((own.plant.n, own.plant.p)), remarks

@@ -88,10 +88,10 @@ def hidden_trajectory(reach: Reach, V: Matrix, i: int) -> Matrix | None:
     noise = V[reach.rows[:, 1]]
     scale = np.abs(reach.H).sum(axis=1) + noise
     scale[scale == 0] = 1.0
-    one = np.ones(len(g))
+    ones = np.ones(len(g))
     sides = (-noise / scale, noise / scale) if M else (noise, noise)
     rows = reach.H / scale[:, None]
-    x = minimise(-g / size, rows, sides, (-one, one), iterations=_MOST_ITERATIONS)
+    x = minimise(-g / size, rows, sides, (-ones, ones), iterations=_MOST_ITERATIONS)
     return None if x is None else _unnoticed(reach.H, noise, np.clip(x, -1.0, 1.0))
 
 

@@ -113,8 +113,8 @@ class WindowNoise:
 
     def covariance(self) -> Matrix:
         """Of the error at the last row, (n, n), given the features of a known impulse."""
-        rest = self.after - self.known @ (self.known.T @ self.after)
-        return np.asarray(rest.T @ rest)
+        unknown = self.after - self.known @ (self.known.T @ self.after)
+        return np.asarray(unknown.T @ unknown)
 
     def sources(self, remainder: Matrix) -> tuple[Matrix, Matrix]:
         """(error (n,) at the first row, noise (rows, p)) that white features (r,) make likely."""

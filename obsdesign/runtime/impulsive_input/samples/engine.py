@@ -252,8 +252,8 @@ class SamplesEngine:
         """The impulse of this window, its rows, and a window that begins at its end."""
         refit = self._refit(live, interval)
         fit, rows, first = refit.fit, refit.rows, refit.first
-        known, here = (*live.before, *live.rows), len(live.before)
-        steady = self._followed(live, known[first + 1 : here + 1], fit.cost)
+        known, count = (*live.before, *live.rows), len(live.before)
+        steady = self._followed(live, known[first + 1 : count + 1], fit.cost)
         rival = steady.long.cost(self.model.nonnegative) - steady.long.rival
         is_ahead = rival >= _LEAST_ADVANTAGE
         freedom = sum(row.y is not None for row in rows) * self.gains.p - 2
@@ -270,7 +270,7 @@ class SamplesEngine:
         means, last = self.model.collapsed(fit, refit.cells, refit.start, rows)
         decided = [
             self._estimate(live, at.row, mean, is_open=provisional)
-            for at, mean in list(zip(known[first:], means, strict=True))[here - first : -1]
+            for at, mean in list(zip(known[first:], means, strict=True))[count - first : -1]
         ]
         long = steady.short if is_ahead else steady.long
         return replace(
@@ -296,10 +296,14 @@ class SamplesEngine:
 
     def _refit(self, live: SampledLive, interval: float) -> Refit:
         """The posterior over onsets, in any case from a period before the window's start on."""
-        known, here, period = (*live.before, *live.rows), len(live.before), self.gains.sample_period
+        known, count, period = (
+            (*live.before, *live.rows),
+            len(live.before),
+            self.gains.sample_period,
+        )
         times = [at.row.t for at in known]
-        since = times[here] - period - time_tolerance(period, times[here])
-        until = max(live.rows[:3][-1].row.t, times[here] + 2 * interval)
+        since = times[count] - period - time_tolerance(period, times[count])
+        until = max(live.rows[:3][-1].row.t, times[count] + 2 * interval)
         covered = bisect_left(times, since), min(bisect_left(times, until), len(times) - 1)
         return Refit.over(self.model, known, covered, interval)
 
