@@ -21,24 +21,24 @@ from lmi.find.semidefinite import FLOOR, Solution, common_matrices
 from lmi.solvers import Solvers
 from lmi.time_budget import UNLIMITED, TimeBudget
 
-_ROUNDS = 25
-_ADDED = 4
+_MOST_ROUNDS = 25
+_CUTS_PER_ROUND = 4
 # Smallest margin, relative to P, that is worth a proof attempt
-_LEAST = 1e-10
+_LEAST_MARGIN = 1e-10
 # On the grid, this part of the margin at the active theta is good enough
-_ENOUGH = 0.3
+_MARGIN_SHARE = 0.3
 # Solver tolerances: quick is enough where the margin is a multiple of it away from zero
-_QUICK, _EXACT, _CLEAR = 1e-5, 1e-9, 100.0
+_QUICK_TOLERANCE, _EXACT_TOLERANCE, _CLEAR_MULTIPLE = 1e-5, 1e-9, 100.0
 # With large P a round costs more than a block: these shares of the range join the first round
 _LARGE, _SPREAD = 6, (0.1, 0.35)
 # Below this margin the least slack is sought between grid points too
-_NARROW = 0.005
+_NARROW_MARGIN = 0.005
 # Edges of a graph are short: so many points each
-_FEW = 16
+_POINTS_PER_EDGE = 16
 # Condition numbers of the coordinates, the roots of those of P: rounds move them this far freely,
 # and as far as the second only when nothing is found otherwise. Without the first they would drift
 # along directions that no map can feel.
-_MODERATE, _LARGEST_CONDITION = 300.0, 1e7
+_FREE_CONDITION, _LARGEST_CONDITION = 300.0, 1e7
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def propose_edges(
     seeds: Sequence[Cut] = (),
     *,
     start: Array | None = None,
-    points: int = _FEW,
+    points: int = _POINTS_PER_EDGE,
     grids: Grids | None = None,
     budget: TimeBudget = UNLIMITED,
 ) -> Proposal:
@@ -137,13 +137,16 @@ class _Search:
         L = np.tile(scale, (self.nodes, 1, 1)) if start is None else start
         active, maps = self._first(L, seeds)
         best = self._proposal(None, active, -math.inf, active[0][1])
-        tolerance = _QUICK
-        for _ in range(_ROUNDS):
+        tolerance = _QUICK_TOLERANCE
+        for _ in range(_MOST_ROUNDS):
             owner = np.array([edge for edge, _ in active])
             transformed, ends = self.grid.transformed(L, maps, owner), self.grid.nodes_of(owner)
             solution = self._solution(transformed, ends, tolerance)
-            if tolerance == _QUICK and abs(solution.margin) < _CLEAR * _QUICK:
-                tolerance = _EXACT
+            if (
+                tolerance == _QUICK_TOLERANCE
+                and abs(solution.margin) < _CLEAR_MULTIPLE * _QUICK_TOLERANCE
+            ):
+                tolerance = _EXACT_TOLERANCE
                 solution = self._solution(transformed, ends, tolerance)
             if self.budget.remaining() < 0:
                 return best
@@ -151,14 +154,14 @@ class _Search:
             if inner is None:
                 return best
             better = L @ inner
-            if solution.margin <= _LEAST:
-                if best.matrices is not None or not self._hopeful(inner, better):
+            if solution.margin <= _LEAST_MARGIN:
+                if best.matrices is not None or not self._other_coordinates_may_fit(inner, better):
                     return self._none(active, solution, L, better, best)
                 L = better
                 continue
             best, more = self._judge(better, active, maps, best)
-            tame = np.linalg.cond(better) < _MODERATE
-            L = np.where(tame[:, None, None], better, L)
+            is_conditioned = np.linalg.cond(better) < _FREE_CONDITION
+            L = np.where(is_conditioned[:, None, None], better, L)
             best = replace(best, optimum=solution.margin)
             if not more:
                 return best
@@ -173,8 +176,8 @@ class _Search:
             transformed, self.nodes, *ends, tolerance=tolerance, seconds=self.budget.remaining()
         )
 
-    def _hopeful(self, inner: Array, better: Array) -> bool:
-        """Nothing fits at the floor of kappa(P): may other coordinates still allow something?
+    def _other_coordinates_may_fit(self, inner: Array, better: Array) -> bool:
+        """Nothing fits at the floor of kappa(P): may a P exist in other coordinates?
 
         Nodes that are short of room are split instead.
         """
@@ -224,25 +227,25 @@ class _Search:
         slacks, goal = both[:looked_at], float(both[looked_at:].min())
         k = int(np.argmin(slacks))
         least, (edge, theta) = float(slacks[k]), grid.cuts([k])[0]
-        between = grid.least_between(L, slacks) if 0 < least < _NARROW else None
+        between = grid.least_between(L, slacks) if 0 < least < _NARROW_MARGIN else None
         if between is not None and between[1] < least:
             (edge, theta), least = between
         if least > 0 and least >= best.margin:
             best = self._proposal(L, active, least, theta)
         elif best.matrices is None:
             best = self._proposal(None, active, least, theta)
-        if least > 0 and least >= _ENOUGH * goal:
+        if least > 0 and least >= _MARGIN_SHARE * goal:
             return best, []
         known = set(active)
         if between is not None:
             return best, [(edge, theta)] if (edge, theta) not in known else []
-        minima = grid.worst(slacks, _ENOUGH * max(goal, 0.0))
-        return best, [cut for cut in self._few(minima) if cut not in known]
+        minima = grid.worst(slacks, _MARGIN_SHARE * max(goal, 0.0))
+        return best, [cut for cut in self._worst(minima) if cut not in known]
 
-    def _few(self, cuts: list[Cut]) -> list[Cut]:
-        """The worst few of one edge, the worst one of each of many."""
+    def _worst(self, cuts: list[Cut]) -> list[Cut]:
+        """The worst cuts of one edge, the worst cut of each of many."""
         if len(self.grid.edges) == 1:
-            return cuts[:_ADDED]
+            return cuts[:_CUTS_PER_ROUND]
         first: dict[int, Cut] = {}
         for cut in cuts:
             first.setdefault(cut[0], cut)
@@ -260,12 +263,12 @@ class _Search:
         back = np.linalg.inv(L)[self.grid.source[[edge for edge, _ in active]]]
         Z = np.swapaxes(back, 1, 2) @ Z @ back
         proposal = self._proposal(None, active, best.margin, best.worst_theta)
-        tame = np.linalg.cond(better) <= _LARGEST_CONDITION
+        is_conditioned = np.linalg.cond(better) <= _LARGEST_CONDITION
         return replace(
             proposal,
             multipliers=(Z + np.swapaxes(Z, 1, 2)) / 2,
             masses=masses,
-            coordinates=np.where(tame[:, None, None], better, L),
+            coordinates=np.where(is_conditioned[:, None, None], better, L),
             optimum=solution.margin,
         )
 

@@ -19,13 +19,20 @@ from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.families import Edge
 from lmi.find.cutting_plane import Proposal, propose
-from lmi.prove.rates import SMALLEST, WORTH, Rates, approx_rates, propose_rates, prove_rate
+from lmi.prove.rates import (
+    LEAST_CONTRACTION,
+    RATE_BOXES,
+    Rates,
+    approx_rates,
+    propose_rates,
+    prove_rate,
+)
 from lmi.time_budget import UNLIMITED, TimeBudget
 
-# the search ends this close to where the margin is foretold to vanish, relative to the rate
-_FINE = {"per_jump": 2e-3, "in_time": 5e-2}
-# of the way to there, this much is left, so that there is something to prove
-_LEFT, _STEPS = 0.1, 6
+# the search ends this close to where the margin is estimated to vanish, relative to the rate
+_RELATIVE_ACCURACY = {"per_jump": 2e-3, "in_time": 5e-2}
+# of the way to there this share remains, which is the margin of the proof
+_REMAINING_SHARE, _MOST_STEPS = 0.1, 6
 
 
 def largest_rates(
@@ -76,10 +83,10 @@ def _largest(
         span = _Span(
             1.0 if name == "per_jump" else 0.0, getattr(approx, name), getattr(limits, name)
         )
-        for value, better in search.towards(family, span, _FINE[name]):
+        for value, better in search.towards(family, span, _RELATIVE_ACCURACY[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
             P = better.tolist()
-            done = prove_rate(F, H, {"P": P}, low, high, rates=rates, name=name, steps=WORTH)
+            done = prove_rate(F, H, {"P": P}, low, high, rates=rates, name=name, steps=RATE_BOXES)
             if done.outcome == "proved":
                 result |= {name: value, f"P_{name}": P}
                 break
@@ -102,7 +109,7 @@ def _limits(edge: Edge) -> Rates:
     """Rates that no P can exceed: those of the worst constant dwell time."""
     with np.errstate(all="ignore"):
         thetas, maps = edge.grid()
-        radii = np.clip(np.abs(np.linalg.eigvals(maps)).max(axis=1), SMALLEST, None)
+        radii = np.clip(np.abs(np.linalg.eigvals(maps)).max(axis=1), LEAST_CONTRACTION, None)
     later = thetas > 0
     in_time = float(np.min(-np.log(radii[later]) / thetas[later], initial=math.inf))
     if math.isinf(edge.high):
@@ -130,8 +137,8 @@ class _Search:
         pairs = list[tuple[float, Matrix]]()
         if not (math.isfinite(bad) and margin > 0):
             return pairs
-        following = span.estimate + _LEFT * (reached - span.estimate)
-        for _ in range(_STEPS):
+        following = span.estimate + _REMAINING_SHARE * (reached - span.estimate)
+        for _ in range(_MOST_STEPS):
             if abs(following - reached) <= fine * abs(reached):
                 break
             proposal = self._proposal(family(following), last.thetas)
@@ -144,7 +151,7 @@ class _Search:
             pairs.append((reached, proposal.P))
             end = reached + margin / fall if fall * (bad - reached) > 0 else bad
             end = end if abs(end - reached) < abs(bad - reached) else bad
-            following = end + _LEFT * (reached - end)
+            following = end + _REMAINING_SHARE * (reached - end)
         return pairs[::-1]
 
     def _proposal(self, pair: tuple[Matrix, Matrix], thetas: tuple[float, ...]) -> Proposal:

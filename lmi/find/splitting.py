@@ -19,8 +19,8 @@ from lmi.window_memory import AUTO, Memory
 
 # windows whose best cut scores this share of the best of all are cut in the same round
 _SHARE, _MOST = 0.15, 40
-# masses below this share of the largest say nothing
-FAINT = 1e-6
+# masses below this share of the largest are rounding
+LEAST_MASS_SHARE = 1e-6
 # no cell is thinner than this share of the range
 _THINNEST = 1e-4
 
@@ -53,7 +53,7 @@ def cuttings(
     owners, thetas, masses: (k,) edge, dwell time and dual mass of each active inequality. last:
     where an infinite range ends for this purpose.
     """
-    strong = masses > FAINT * masses.max(initial=0.0)
+    strong = masses > LEAST_MASS_SHARE * masses.max(initial=0.0)
     evidence = _Evidence(windows, links, owners[strong], thetas[strong], masses[strong], last)
     best: dict[int, tuple[float, Cutting]] = {}
     for window in range(len(windows)):

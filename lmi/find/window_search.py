@@ -18,7 +18,7 @@ from lmi.arithmetic.balls import Exact, rank_factors, to_float
 from lmi.families import Edge
 from lmi.find.cutting_plane import Proposal, propose_edges
 from lmi.find.edge_grid import Cut, Grids
-from lmi.find.splitting import FAINT, Limits, cuttings
+from lmi.find.splitting import LEAST_MASS_SHARE, Limits, cuttings
 from lmi.find.windows import Links, Windows, whole
 from lmi.prove.windows_proof import prove_windows
 from lmi.time_budget import UNLIMITED, TimeBudget, ended_by_count
@@ -139,7 +139,7 @@ class _Family:
                 return WindowResult(undecided(text, **out_of_time), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
                             proposal.masses, last=self.last, limits=limits)  # fmt: skip
-            heavy = proposal.masses > FAINT * proposal.masses.max()
+            heavy = proposal.masses > LEAST_MASS_SHARE * proposal.masses.max()
             thetas = tuple(t for t, heavy_ in zip(proposal.thetas, heavy, strict=True) if heavy_)
             if not cuts:
                 return WindowResult(

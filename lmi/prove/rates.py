@@ -25,8 +25,10 @@ from lmi.prove.common_matrix import BOX_LIMIT, prove_common
 from lmi.prove.windows_proof import prove_windows
 from lmi.verdict import Verdict, proved, undecided
 
-SMALLEST = 1e-6  # a map that vanishes (H = 0) still has to be given some rate
-WORTH = 300  # boxes that a rate, which nothing hangs on, is worth (for stiff flows it takes more)
+# factor of a jump: a map that vanishes (H = 0) still has to be given some rate
+LEAST_CONTRACTION = 1e-6
+# most boxes for the proof of a rate that no claim rests on (stiff flows take more)
+RATE_BOXES = 300
 # estimates are relaxed by these shares in turn, until one is proved
 _RELAXATIONS = (1e-4, 1e-2, 0.1, 0.5)
 
@@ -59,7 +61,9 @@ def propose_rates(
         return None
     for share in _RELAXATIONS:
         rates = Rates(approx.per_jump ** (1 - share), approx.in_time * (1 - share))
-        done = prove_rates(F, H, certificate, low, high, rates=rates, jitter=jitter, steps=WORTH)
+        done = prove_rates(
+            F, H, certificate, low, high, rates=rates, jitter=jitter, steps=RATE_BOXES
+        )
         if done.outcome == "proved":
             return rates
     return None
@@ -109,7 +113,7 @@ def _edges(
 def _edge_rates(edge: Edge, P_source: Matrix, P_target: Matrix) -> tuple[float, float]:
     """Largest norm on a grid, infinite where floats overflow, and the slowest decay in time."""
     thetas, maps = edge.grid()
-    norms = np.sqrt(np.clip(1.0 - slack(P_source, maps, P_target), SMALLEST**2, None))
+    norms = np.sqrt(np.clip(1.0 - slack(P_source, maps, P_target), LEAST_CONTRACTION**2, None))
     later = thetas > 0
     in_time = np.min(-np.log(norms[later]) / thetas[later], initial=math.inf)
     return float(norms.max()), float(in_time)
