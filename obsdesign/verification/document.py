@@ -199,9 +199,20 @@ def _wrong_sentences(design: Design, recomputed: Sentences | None) -> str | None
         for old, new in pairs
     ):
         return "guarantees"
-    if design.warnings is not None and design.warnings != recomputed.warnings:
+    moved = [sentence.statement for sentence in _warnings_among_guarantees(design, recomputed)]
+    stated = [*(design.warnings or ()), *moved]
+    if design.warnings is not None and sorted(stated) != sorted(recomputed.warnings):
         return "warnings"
     return None
+
+
+def _warnings_among_guarantees(design: Design, recomputed: Sentences) -> list[Guarantee]:
+    """Sentences that earlier releases state as not given, and that are warnings."""
+    return [
+        sentence
+        for sentence in design.guarantees
+        if not sentence.given and sentence.statement in recomputed.warnings
+    ]
 
 
 def _pairs(design: Design, recomputed: Sentences) -> list[tuple[Guarantee, Guarantee]] | None:
@@ -211,7 +222,10 @@ def _pairs(design: Design, recomputed: Sentences) -> list[tuple[Guarantee, Guara
     and do not have the one on the rounding of widths.
     """
     proved_now: Sequence[Guarantee] = recomputed.guarantees
-    if design.warnings is None:
+    if design.warnings is not None:
+        moved = _warnings_among_guarantees(design, recomputed)
+        proved_now = (*proved_now, *moved)
+    else:
         stated = {one.statement for one in design.guarantees}
         every = (*proved_now, *map(Guarantee.not_proved, recomputed.warnings))
         proved_now = [

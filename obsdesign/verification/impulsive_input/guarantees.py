@@ -17,7 +17,7 @@ _KNOWN_INTEGRALS = ", and with the integrals of y known exactly (y measured cont
 
 
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
-    """Sentences that follow from the claims, given where these are proved, and limits."""
+    """Sentences that follow from the claims, given where these are proved."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     # with the stated A: what a wrong one changes is a guarantee of its own
     own = ("robustness", stated_poles.ID, stated_weights.ID)
@@ -38,17 +38,19 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
             for claim in claims
             if claim.id in own
         ),
-        Guarantee.not_proved(
-            "Two impulses within one window are not told apart where one impulse explains the "
-            "record as well; the test of fit flags them only where noise does not hide them."
-        ),
-        Guarantee.not_proved(
-            "That every impulse is found in noise is not claimed: small ones are missed."
-        ),
         *(
             Guarantee(text, ("samples",), given=False)
             for text in _sampling_sentences(problem, claims)
         ),
+    )
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """Impulses that the observer misses or takes for others."""
+    return (
+        "Two impulses within one window are not told apart where one impulse explains the "
+        "record as well; the test of fit flags them only where noise does not hide them.",
+        "That every impulse is found in noise is not claimed: small ones are missed.",
     )
 
 

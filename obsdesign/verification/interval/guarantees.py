@@ -13,7 +13,11 @@ from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.discrete_time import step_warnings
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.several_clocks import clocked_guarantees, clocked_states
-from obsdesign.verification.interval.uncertain_width import uncertain_guarantees, uncertain_states
+from obsdesign.verification.interval.uncertain_width import (
+    uncertain_guarantees,
+    uncertain_states,
+    uncertain_warnings,
+)
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
@@ -62,6 +66,8 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
     """Sentences on clocks without a graph, and on gains that are all zero."""
+    if problem.plant.uncertain_events:
+        return uncertain_warnings(claims)
     if problem.plant.flow.dt is not None:
         verdicts = {claim.id: claim.verdict for claim in claims}
         is_open = verdicts["consistent"] == "proved" and "event_stability" not in verdicts

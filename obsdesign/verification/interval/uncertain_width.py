@@ -34,7 +34,7 @@ _ENCLOSURE = (
     "for samples of each sensor at any spacing, missing ones included, for any times between "
     "events and whatever the rounding."
 )
-_NO_WIDTH = "No width of the bounds is guaranteed: {}."
+_NO_WIDTH = "No width of the bounds is guaranteed: the times of several events are independent."
 _SOURCE = "docs/uncertain_times.md; comparison with fewer samples"
 
 
@@ -112,15 +112,17 @@ def uncertain_guarantees(claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     verdicts = {claim.id: claim.verdict for claim in claims}
     enclosure = Guarantee.from_verdicts(_ENCLOSURE, ["consistent"], verdicts)
     evidence = next((claim.evidence for claim in claims if claim.id == "late_width"), None)
-    if evidence is None:
-        why = "the times of several events are independent"
-        return (enclosure, Guarantee.not_proved(_NO_WIDTH.format(why)))
-    if verdicts["late_width"] != "proved":
+    if evidence is None or verdicts["late_width"] != "proved":
         return (enclosure,)
     width = Guarantee.from_verdicts(_width_sentence(evidence), ["late_width"], verdicts)
     return (
         enclosure, width, Guarantee.from_verdicts(ROUNDED_WIDTHS, ["late_width"], verdicts)
     )  # fmt: skip
+
+
+def uncertain_warnings(claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """Sentence on several events, of which no width is claimed."""
+    return () if any(claim.id == "late_width" for claim in claims) else (_NO_WIDTH,)
 
 
 def _width_sentence(evidence: Entries) -> str:

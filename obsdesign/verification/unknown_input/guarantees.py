@@ -40,8 +40,6 @@ def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Guarantee, 
         ),
         *_of_poles(claims, verdicts),
     ]
-    if problem.options_as(UnknownInputOptions).weights:
-        result.append(Guarantee.not_proved("That L and N follow from `weights` is not claimed."))
     product = _step_product(problem, claims)
     if product is not None and product <= STEP_LIMIT:
         sentence = (
@@ -67,11 +65,13 @@ def _of_poles(claims: Mapping[str, Claim], verdicts: Mapping[str, str]) -> Itera
 
 
 def warnings(problem: Problem, listed: tuple[Claim, ...]) -> tuple[str, ...]:
-    """Sentences on zeros that rounding of the plant may destabilise, and on ringing steps."""
+    """Sentences on weights, zeros that rounding of the plant may destabilise, ringing steps."""
     if problem.plant.flow.dt is not None:
         return ()
     claims = {claim.id: claim for claim in listed}
     sentences = []
+    if problem.options_as(UnknownInputOptions).weights:
+        sentences.append("That L and N follow from `weights` is not claimed.")
     if near := NearZero.from_evidence(_evidence(claims, "zeros")):
         sentences.append(
             f"Rounding the plant may destroy stability: s = {near} is within {near.margin:.1g} of "
