@@ -10,7 +10,7 @@ import numpy as np
 from lmi.find.mode_search import find_modes
 from lmi.find.worst_stays import worst_stays
 from lmi.modes import Modes
-from lmi.refute.stays import refute_lasting, refute_stays
+from lmi.refute.stays import refute_endless_stay, refute_stays
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict
 
@@ -23,9 +23,9 @@ def decide_modes(modes: Modes, *, budget: TimeBudget = UNLIMITED) -> Verdict:
     growth of a cycle that floats know. Paths that change modes without end in no time (stays of 0)
     count: they are refuted.
     """
-    lasting = refute_lasting(modes)
-    if lasting.outcome == "refuted":
-        return lasting
+    endless = refute_endless_stay(modes)
+    if endless.outcome == "refuted":
+        return endless
     few = find_modes(modes, most_cells=len(modes), budget=budget)
     if few.verdict.outcome == "proved":
         return few.verdict

@@ -16,7 +16,7 @@ from lmi.refute.spectral import decide_radius
 from lmi.verdict import Verdict, refuted, undecided
 
 
-def refute_lasting(modes: Modes) -> Verdict:
+def refute_endless_stay(modes: Modes) -> Verdict:
     """Refuted by a mode that may last without end, and has a mode of its flow that stays."""
     for i, (_, high) in enumerate(modes.stays):
         if math.isinf(high):

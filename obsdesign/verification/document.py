@@ -18,6 +18,7 @@ from obsdesign.verification.same_evidence import (
     Difference,
     as_marked,
     current_source,
+    current_statement,
     difference,
     is_older_wording,
 )
@@ -273,7 +274,10 @@ def _evidence_gap(stored: Mapping[str, Claim], recomputed: tuple[Claim, ...]) ->
 def _difference(stored: tuple[Claim, ...], recomputed: tuple[Claim, ...]) -> str | None:
     """The id of a claim in which the two differ, evidence apart."""
     old, new = (
-        sorted((c.id, c.statement, current_source(c.source), c.verdict) for c in group)
+        sorted(
+            (c.id, current_statement(c.statement), current_source(c.source), c.verdict)
+            for c in group
+        )
         for group in (stored, recomputed)
     )
     wrong = sorted({entry[0] for entry in set(old) ^ set(new)})

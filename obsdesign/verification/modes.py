@@ -10,7 +10,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from lmi.modes import Modes, StayWord
 from lmi.prove.modes_proof import prove_modes
-from lmi.refute.stays import refute_lasting, refute_stays
+from lmi.refute.stays import refute_endless_stay, refute_stays
 from lmi.verdict import Verdict, overall, undecided
 from obsdesign.analysis.modes import reason_against_modes
 from obsdesign.document import Claim, jsonable, same
@@ -112,9 +112,9 @@ def mode_stability(modes: Modes, certificate: Entries, paranoid: bool) -> Verdic
     certificate: {"cells": ...} or {"witness": {"stays": [[name, theta], ...]}}; it is checked here,
     or not used.
     """
-    lasting = refute_lasting(modes)
-    if lasting.outcome == "refuted":
-        return lasting
+    endless = refute_endless_stay(modes)
+    if endless.outcome == "refuted":
+        return endless
     attempt = undecided("no certificate was given or found")
     if "cells" in certificate:
         attempt = prove_modes(modes, certificate)

@@ -70,6 +70,22 @@ def current_source(source: str) -> str:
     return source
 
 
+# words of statements of earlier releases, with the same meaning
+_OLDER_STATEMENTS = {
+    "what the rounding of the stored matrices leaves of the estimates for ever is": (
+        "the steady-state error of the estimates from rounding the stored matrices is"
+    ),
+    "no bounds depend on the start for ever": "in steady state no bounds depend on the start",
+}
+
+
+def current_statement(statement: str) -> str:
+    """A statement in the words of today."""
+    for before, now in _OLDER_STATEMENTS.items():
+        statement = statement.replace(before, now)
+    return statement
+
+
 def is_older_wording(claim: str, stored: str, statement: str) -> bool:
     """Whether a stored statement is that of an earlier release for the same claim."""
     now, before = OLDER_WORDING.get(claim, ("", ""))

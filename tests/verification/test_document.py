@@ -43,6 +43,21 @@ def test_a_warning_may_stand_among_sentences_that_are_not_given() -> None:
         assert verdict(replace(earlier, guarantees=(*earlier.guarantees, before))) == "proved"
 
 
+def test_a_statement_in_the_words_of_an_earlier_release_is_proved_and_another_one_is_not() -> None:
+    design = obsdesign.design(obsdesign.load_problem(EXAMPLES / "ahn_1.toml"))
+    (claim,) = (claim for claim in design.claims if claim.id == "rounding")
+    assert "steady-state error" in claim.statement
+    end = claim.statement[claim.statement.index("is at most") :]
+    before = "what the rounding of the stored matrices leaves of the estimates for ever "
+    for words, expected in ((before + end, "proved"), (before + end + " too", "refuted")):
+        claims = tuple(
+            replace(each, statement=words) if each == claim else each for each in design.claims
+        )
+        earlier = replace(design, claims=claims)
+        verdict = document_claim(Problem.from_dict(design.problem), earlier, design.claims)[0]
+        assert verdict.verdict == expected
+
+
 def test_a_warning_must_stand_somewhere_once_and_guarantees_nothing() -> None:
     warning = (made().warnings or ())[0]
     before = Guarantee.not_proved(warning)

@@ -46,7 +46,7 @@ UNOBSERVABLE = 1e-10
 # pole of the damped differentiator: -DAMPING instead of -1, late by h (1 - r)/(2 (1 + r)) = h / 6
 DAMPING = 0.5
 # largest part of the signals that the rounding of the stored matrices may cost the estimates
-LASTING_ERROR = 1e-6
+LARGEST_STEADY_STATE_ERROR = 1e-6
 
 
 class PlantMatrices(NamedTuple):

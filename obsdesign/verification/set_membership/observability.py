@@ -58,7 +58,7 @@ def _attainable(
     return Claim.from_verdict(
         "attainable",
         f"the part of the state that no sample sees, of dimension {count}, contracts by itself: "
-        "no bounds depend on the start for ever",
+        "in steady state no bounds depend on the start",
         "detectability",
         verdict,
     )

@@ -34,7 +34,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification import stated_poles
 from obsdesign.verification.consistency import consistent_gains, inconsistent
 from obsdesign.verification.unknown_input.discrete_time import step_input_claims
-from obsdesign.verification.unknown_input.lasting_error import lasting_error
+from obsdesign.verification.unknown_input.steady_state_error import steady_state_error
 
 PAPER = "Ahn (2002)"
 EXISTENCE = "Hautus (1983), strong* detectability"
@@ -77,9 +77,9 @@ def claims(
         agreement = inconsistent(text)
     plant, matrices, pace = _in_balancing_units(problem, gains)
     stable = _stable(gains.F, NearZero.from_evidence(existence[-1].evidence))
-    lasting = lasting_error(plant, matrices, pace, stable.verdict == "proved")
+    steady = steady_state_error(plant, matrices, pace, stable.verdict == "proved")
     chosen = _choice_of_L(problem, gains.F)
-    return agreement, *existence, _equations(plant, matrices), stable, lasting, *chosen
+    return agreement, *existence, _equations(plant, matrices), stable, steady, *chosen
 
 
 def _choice_of_L(problem: Problem, F: Matrix) -> tuple[Claim, ...]:

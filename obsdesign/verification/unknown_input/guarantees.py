@@ -13,7 +13,7 @@ from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification import stated_poles
 from obsdesign.verification.unknown_input.discrete_time import step_input_guarantees
-from obsdesign.verification.unknown_input.lasting_error import SteadyBounds
+from obsdesign.verification.unknown_input.steady_state_error import SteadyBounds
 
 
 def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Guarantee, ...]:

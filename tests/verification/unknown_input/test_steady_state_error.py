@@ -17,7 +17,7 @@ from lmi.arithmetic.balls import exact
 from lmi.bounds.peak_gain import peak_gains
 from obsdesign.equations.unknown_input import formulas as equations
 from obsdesign.runtime import from_design
-from obsdesign.verification.unknown_input import lasting_error
+from obsdesign.verification.unknown_input import steady_state_error
 from obsdesign.verification.unknown_input.claims import claims
 from tests.systems.unknown_input import random_plant, unknown_input_problem
 
@@ -79,7 +79,7 @@ def test_slow_zeros_are_proved_with_their_number() -> None:
     problem = unknown_input_problem(A, [[2, -2], [0, 0]], [[-2], [-1]])  # zero at -2.98e-8
     design = obsdesign.design(problem)
     bounds = next(c for c in design.claims if c.id == "rounding").evidence["bounds"]
-    assert 1e-10 < max(bounds.values()) < equations.LASTING_ERROR
+    assert 1e-10 < max(bounds.values()) < equations.LARGEST_STEADY_STATE_ERROR
     # the twin: as slow, but an F that is off by a hundredth of the zero
     false = design.gains["F"] * 1.01
     assert verdicts(problem, design.gains | {"F": false})["rounding"] == "refuted"
@@ -179,7 +179,7 @@ def test_a_refuted_error_is_no_larger_than_the_true_one(rate: float) -> None:
         input=equations.Drive(x=exact(zero), u=exact(zero), d=exact(zero)),
     )
     matrices = SimpleNamespace(F=exact(-rate * one), X=exact(one), Q=exact(zero))
-    verdict = lasting_error._verdict(drives, matrices, 1.0)  # type: ignore[arg-type]
+    verdict = steady_state_error._verdict(drives, matrices, 1.0)  # type: ignore[arg-type]
     assert verdict.outcome == "refuted"
     witness = verdict.evidence["witness"]
     assert witness["estimate"] == "x1"
@@ -195,7 +195,7 @@ def test_a_proved_error_is_no_smaller_than_the_true_one(parts: tuple[float, ...]
     direct = equations.Drive(x=exact(x), u=exact(u), d=exact(d))
     drives = equations.ErrorDrives(error=still, state=direct, input=still)
     matrices = SimpleNamespace(F=exact(-np.ones((1, 1))), X=exact(zero), Q=exact(zero))
-    verdict = lasting_error._verdict(drives, matrices, 1.0)  # type: ignore[arg-type]
+    verdict = steady_state_error._verdict(drives, matrices, 1.0)  # type: ignore[arg-type]
     assert verdict.outcome == "proved"
     bound = Fraction(verdict.evidence["bounds"]["state"])
     true = sum(Fraction(part.item()) for part in (x, u, d))

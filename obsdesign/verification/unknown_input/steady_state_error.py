@@ -16,7 +16,7 @@ from lmi.bounds.peak_gain import peak_gains
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.unknown_input.formulas import (
-    LASTING_ERROR,
+    LARGEST_STEADY_STATE_ERROR,
     ErrorDrives,
     ObserverMatrices,
     PlantMatrices,
@@ -40,7 +40,7 @@ class SteadyBounds:
         return None if bounds is None else cls(**bounds)
 
 
-def lasting_error(
+def steady_state_error(
     plant: PlantMatrices, matrices: ObserverMatrices, pace: float, is_hurwitz: bool
 ) -> Claim:
     """Bound the error of exact matrices with signals of unit size; inputs in units of pace.
@@ -52,9 +52,9 @@ def lasting_error(
         verdict = _verdict(error_drives(plant, matrices), matrices, pace)
     return Claim.from_verdict(
         "rounding",
-        "what the rounding of the stored matrices leaves of the estimates for ever is at most "
-        f"{LASTING_ERROR:g} of the signals, in units that balance the plant: states of "
-        "unit size, and inputs that move them at the pace of the plant",
+        "the steady-state error of the estimates from rounding the stored matrices is at most "
+        f"{LARGEST_STEADY_STATE_ERROR:g} of the signals, in units that balance the plant: states "
+        "of unit size, and inputs that move them at the pace of the plant",
         f"{PAPER}, (27); peak gain of the error system",
         verdict,
     )
@@ -78,19 +78,19 @@ def _verdict(drives: ErrorDrives, matrices: ObserverMatrices, pace: float) -> Ve
         bound[n:] /= pace
     largest = (float(part.max(initial=0.0)) for part in (high[:n], high[n:]))
     bounds = asdict(SteadyBounds(*largest))
-    if max(bounds.values()) <= LASTING_ERROR:
+    if max(bounds.values()) <= LARGEST_STEADY_STATE_ERROR:
         return proved(bounds=bounds)
-    if low.max(initial=0.0) > LASTING_ERROR:
+    if low.max(initial=0.0) > LARGEST_STEADY_STATE_ERROR:
         entry = int(np.argmax(low))
         name = f"x{entry + 1}" if entry < n else f"d{entry - n + 1}"
         reason = (
-            f"constant signals of unit size leave an error of {low[entry]:.3g} in {name} for ever; "
-            f"{LASTING_ERROR:g} is allowed for rounding"
+            f"constant signals of unit size leave a steady-state error of {low[entry]:.3g} in "
+            f"{name}; {LARGEST_STEADY_STATE_ERROR:g} is allowed for rounding"
         )
         return refuted({"estimate": name, "error": float(low[entry]), "reason": reason})
     worst = max(bounds.values())
     return undecided(
-        f"rounding of the stored matrices may leave {worst:.3g} of the signals for ever; "
-        f"{LASTING_ERROR:g} is allowed",
+        f"rounding the stored matrices may leave a steady-state error of {worst:.3g} of the "
+        f"signals; {LARGEST_STEADY_STATE_ERROR:g} is allowed",
         bounds=bounds,
     )
