@@ -169,14 +169,14 @@ class _Builder:
                     due = {_STAY: stay, **dict(enumerate(ages))}
                     yield _Node(mode, event, Mark((event,), due))
 
-    def _until(self, one: _Node, two: _Node) -> Range | None:
+    def _until(self, first: _Node, second: _Node) -> Range | None:
         """Times from a mark to the next, if it may be that one."""
-        if two.event is not None:
-            return one.mark.until(two.mark) if two.mode == one.mode else None
-        if two.mode not in self.following[one.mode]:
+        if second.event is not None:
+            return first.mark.until(second.mark) if second.mode == first.mode else None
+        if second.mode not in self.following[first.mode]:
             return None
-        due = {**two.mark.due, _STAY: self.system.stay(one.mode)}
-        return one.mark.until(replace(two.mark, due=due))
+        due = {**second.mark.due, _STAY: self.system.stay(first.mode)}
+        return first.mark.until(replace(second.mark, due=due))
 
     def graph(self) -> ModeGraph | None:
         """Nodes that have one before them, and so on; then those of all times in each mode.
