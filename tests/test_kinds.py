@@ -86,6 +86,7 @@ WARNS: dict[str, Warns] = {
     "interval": interval_guarantees,
     "set_membership": set_membership_guarantees,
     "finite_time": finite_time_guarantees,
+    "impulsive_input": impulsive_input_guarantees,
     "unknown_input": unknown_input_guarantees,
 }
 OBSERVERS: dict[str, RunnableKind] = {

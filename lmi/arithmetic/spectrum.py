@@ -14,6 +14,11 @@ def spectral_radii(maps: Matrix) -> Matrix:
     return np.where(finite[..., 0, 0], radii, np.nan)
 
 
+def finite_spectral_radii(maps: Matrix) -> Matrix:
+    """Spectral radius of each matrix of (..., n, n); 0 of those that are not finite."""
+    return np.nan_to_num(spectral_radii(maps), nan=0.0, posinf=np.inf)
+
+
 def spectral_radius(matrix: Matrix) -> float:
     """Spectral radius of one matrix, 0 for n = 0; NaN where the matrix is not finite."""
     return float(spectral_radii(matrix))

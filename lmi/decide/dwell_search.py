@@ -58,6 +58,13 @@ class Bracket:
     ended: Entries = field(default_factory=dict)
     solvers: Solvers = ()
 
+    @property
+    def relative_gap(self) -> float | None:
+        """Relative width of what is neither proved nor refuted; None where that has no meaning."""
+        if self.proved is None or not self.not_proved or math.isinf(self.not_proved):
+            return None
+        return abs(self.proved / self.not_proved - 1)
+
 
 def dwell_bracket(
     F: ArrayLike,

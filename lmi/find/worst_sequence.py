@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, NewEntries
+from lmi.arithmetic.spectrum import finite_spectral_radii
 from lmi.families import Edge
 from lmi.find.product_growth import growth_loss
 from lmi.time_budget import UNLIMITED, TimeBudget
@@ -101,7 +102,7 @@ def _beam(edge: Edge, L: Array, letters: Array, jitter: float) -> list[Word]:
     candidates: list[Word] = []
     for length in range(1, _LONGEST + 1):
         closed = near[words[:, -1], words[:, 0]]
-        growth = np.where(closed, _radii(products) ** (1.0 / length), 0.0)
+        growth = np.where(closed, finite_spectral_radii(products) ** (1.0 / length), 0.0)
         top = np.argsort(-growth)[:_POLISHED]
         candidates += [Word(tuple(letters[words[k]].tolist()), float(growth[k])) for k in top]
         keep = np.argsort(-np.linalg.norm(products, axis=(1, 2)))[:_WIDTH]
@@ -118,7 +119,7 @@ def _repeats(edge: Edge, letters: Array, jitter: float) -> list[Word]:
     sharp resonances: small numbers are all tried, with many eta. Larger ones are powers of two.
     """
     maps = edge.maps(letters)
-    first = {0, len(letters) - 1, int(np.argmax(_radii(maps)))}
+    first = {0, len(letters) - 1, int(np.argmax(finite_spectral_radii(maps)))}
     partners = np.unique([*letters, *np.linspace(edge.low, edge.last, _PARTNERS)])
     others = edge.maps(partners)
     words = []
@@ -143,7 +144,7 @@ def _resonances(M: Array, theta: float, others: Array, partners: Array) -> list[
     best: dict[int, Word] = {}
     for j in range(1, _FEW + 1):
         with np.errstate(all="ignore"):
-            radii = _radii(np.linalg.matrix_power(others, j)[:, None] @ powers)
+            radii = finite_spectral_radii(np.linalg.matrix_power(others, j)[:, None] @ powers)
             growth = np.nan_to_num(np.exp((np.log(radii) + sizes) / (i + j)))
         for k, eta in enumerate(growth.argmax(axis=0)):
             word = _word(theta, int(i[k]), float(partners[eta]), j, float(growth[eta, k]))
@@ -158,7 +159,7 @@ def _best_counts(A: Array, B: Array) -> tuple[float, int, int]:
         i, j = (np.ravel(k) for k in np.meshgrid(*counts))
         (first, size_a), (second, size_b) = _powers(A, i), _powers(B, j)
         with np.errstate(all="ignore"):
-            growth = (np.log(_radii(second @ first)) + size_a + size_b) / (i + j)
+            growth = (np.log(finite_spectral_radii(second @ first)) + size_a + size_b) / (i + j)
         k = int(np.argmax(np.where(np.isfinite(growth), growth, -np.inf)))
         counts = [np.unique(np.linspace(3 * m // 4, 3 * m // 2, _BETWEEN).round()).astype(int)
                   for m in (i[k], j[k])]  # fmt: skip
@@ -181,13 +182,6 @@ def _powers(M: Array, exponents: Array) -> tuple[Array, Array]:
         sizes[used] += size
         square, size = square @ square, 2 * size
     return results, sizes
-
-
-def _radii(M: Array) -> Array:
-    """Spectral radii; 0 of what floats do not hold, since shorter words grow as fast."""
-    is_finite = np.isfinite(M).all(axis=(-2, -1), keepdims=True)
-    eigenvalues = np.linalg.eigvals(np.where(is_finite, M, 0.0))
-    return np.asarray(np.abs(eigenvalues).max(axis=-1, initial=0.0))
 
 
 def polished(edge: Edge, word: Word, jitter: float = math.inf) -> Word:

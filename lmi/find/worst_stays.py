@@ -15,6 +15,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import to_float
 from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.spectrum import finite_spectral_radii
 from lmi.find.product_growth import growth_loss
 from lmi.modes import Modes, StayWord
 from lmi.time_budget import UNLIMITED, TimeBudget
@@ -105,7 +106,7 @@ class _Search:
             for j in (j for j in following[i] if j > i and i in following[j]):
                 first, second = (self.points(k, count) for k in (i, j))
                 products = self.maps(j, second)[:, None] @ self.maps(i, first)[None]
-                radii = _radii(products)
+                radii = finite_spectral_radii(products)
                 for row, column in _peaks(radii):
                     word = ((i, float(first[column])), (j, float(second[row])))
                     best.append((float(radii[row, column]) ** 0.5, word))
@@ -126,7 +127,7 @@ class _Search:
         candidates: list[tuple[float, StayWord]] = []
         for length in range(1, _LONGEST + 1):
             closed = allowed[words[:, -1], words[:, 0]]
-            growth = np.where(closed, _radii(products) ** (1.0 / length), 0.0)
+            growth = np.where(closed, finite_spectral_radii(products) ** (1.0 / length), 0.0)
             for k in np.argsort(-growth)[:2]:
                 if closed[k]:
                     candidates.append((float(growth[k]), tuple(letters[x] for x in words[k])))
@@ -166,13 +167,6 @@ class _Search:
         ]
         # M = e^{F theta} G: dM = F M
         return growth_loss(maps, lambda i, before: (self.flows[word[i][0]], before[i + 1]))
-
-
-def _radii(M: Array) -> Array:
-    """Spectral radii; 0 of what floats do not hold."""
-    is_finite = np.isfinite(M).all(axis=(-2, -1), keepdims=True)
-    eigenvalues = np.linalg.eigvals(np.where(is_finite, M, 0.0))
-    return np.asarray(np.abs(eigenvalues).max(axis=-1, initial=0.0))
 
 
 def _peaks(values: Array) -> list[tuple[int, int]]:

@@ -25,6 +25,7 @@ from lmi.modes import Modes, Stay
 from lmi.prove.common_matrix import BOX_LIMIT, prove
 from lmi.prove.condition import Condition
 from lmi.prove.hurwitz import prove_hurwitz
+from lmi.prove.window_partition import end_of_cell
 from lmi.verdict import Verdict, proved, undecided
 
 _MOST_CELLS = 400
@@ -148,7 +149,7 @@ def _cell(entry: Entries, modes: Modes) -> ModeCell:
     mode = _index(entry["mode"], modes)
     if "before" not in entry:
         return ModeCell(mode)
-    low, high = (_end(value) for value in entry["stay"])
+    low, high = (end_of_cell(value) for value in entry["stay"])
     before = _index(entry["before"], modes)
     if not low <= high:
         raise ValueError
@@ -159,14 +160,6 @@ def _index(value: Value, modes: Modes) -> int:
     if type(value) is not int or not 0 <= value < len(modes):
         raise ValueError
     return value
-
-
-def _end(value: Value) -> float:
-    if value == "inf":
-        return math.inf
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError
-    return float(value)
 
 
 def _check_cover(modes: Modes, mode: int, cells: Sequence[ModeCell]) -> None:

@@ -66,7 +66,10 @@ def _read(
     try:
         boxes = tuple(_box(window["dwell"], ends) for window in windows)
         P = np.array([window["P"] for window in windows], dtype=np.float64)
-        edges = [(_index(s), _index(t), _end(a), _end(b)) for s, t, a, b in certificate["edges"]]
+        edges = [
+            (_index(s), _index(t), end_of_cell(a), end_of_cell(b))
+            for s, t, a, b in certificate["edges"]
+        ]
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
         raise Unreadable("windows or edges of the certificate are not as they should be") from None
     if P.ndim != 3 or P.shape[1] != P.shape[2] or not 0 < P.shape[1] <= n:
@@ -81,7 +84,7 @@ def _read(
 def _box(dwell: Entries, ends: Interval) -> Box:
     box = {}
     for name, (a, b) in dwell.items():
-        low, high = _end(a), _end(b)
+        low, high = end_of_cell(a), end_of_cell(b)
         known = str(int(name)) == name and abs(int(name)) <= _FARTHEST
         if not known or not ends[0] <= low < high <= ends[1]:
             raise ValueError
@@ -89,7 +92,8 @@ def _box(dwell: Entries, ends: Interval) -> Box:
     return box
 
 
-def _end(value: object) -> float:
+def end_of_cell(value: object) -> float:
+    """An end of a stored cell: a finite number or "inf"; ValueError for what is none."""
     if value == "inf":
         return math.inf
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):

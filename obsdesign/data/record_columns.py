@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Array, Matrix
-from obsdesign.column_names import JUMP, RECEIVED, TIME, TRUTH, numbered
+from obsdesign.column_names import JUMP, RECEIVED, TIME, TRUTH
 from obsdesign.problem.plant import Plant
+from obsdesign.runtime.columns import named_columns
 
 
 def record_columns(
@@ -28,22 +29,18 @@ def record_columns(
     if plant.has_tables:
         columns |= _sensors(plant, blocks["y"])
     else:
-        columns |= _numbered("y", blocks["y"])
-    columns |= _numbered("u", blocks["u"])
+        columns |= named_columns("y", blocks["y"])
+    columns |= named_columns("u", blocks["u"])
     if plant.has_tables:
         columns |= {} if happened is None else _events(plant, blocks["w"], happened)
     else:
-        columns |= _numbered("w", blocks["w"])
+        columns |= named_columns("w", blocks["w"])
         if happened is not None and plant.events:
             columns[JUMP] = happened[:, 0].astype(np.int64)
     columns |= {} if received is None else {RECEIVED: received}
     for letter in TRUTH:
-        columns |= _numbered(letter, blocks[letter])
+        columns |= named_columns(letter, blocks[letter])
     return columns
-
-
-def _numbered(letter: str, values: Matrix) -> dict[str, Array]:
-    return dict(zip(numbered(letter, values.shape[1]), values.T, strict=True))
 
 
 def _sensors(plant: Plant, y: Matrix) -> dict[str, Array]:

@@ -200,8 +200,8 @@ def _wrong_sentences(design: Design, recomputed: Sentences | None) -> str | None
         for old, new in pairs
     ):
         return "guarantees"
-    moved = [sentence.statement for sentence in _warnings_among_guarantees(design, recomputed)]
-    stated = [*(design.warnings or ()), *moved]
+    earlier = [sentence.statement for sentence in _warnings_among_guarantees(design, recomputed)]
+    stated = [*(design.warnings or ()), *earlier]
     if design.warnings is not None and sorted(stated) != sorted(recomputed.warnings):
         return "warnings"
     return None
@@ -224,8 +224,8 @@ def _pairs(design: Design, recomputed: Sentences) -> list[tuple[Guarantee, Guara
     """
     proved_now: Sequence[Guarantee] = recomputed.guarantees
     if design.warnings is not None:
-        moved = _warnings_among_guarantees(design, recomputed)
-        proved_now = (*proved_now, *moved)
+        earlier = _warnings_among_guarantees(design, recomputed)
+        proved_now = (*proved_now, *earlier)
     else:
         stated = {one.statement for one in design.guarantees}
         every = (*proved_now, *map(Guarantee.not_proved, recomputed.warnings))

@@ -17,6 +17,7 @@ from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, s
 from lmi.verdict import Verdict, undecided
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.proposal import Proposal
+from obsdesign.verification.second_proof import confirmed
 
 _Prover = Callable[[Array, Array, "Dwell", "DwellCertificate", str], Verdict]
 
@@ -106,6 +107,11 @@ def dwell_stability(
     return Verdict("undecided", {key: value for key, value in evidence.items() if value == value})
 
 
+def step_stability(step: Array, paranoid: bool) -> Verdict:
+    """Is x -> step x stable: is the spectral radius of an exact map below one?"""
+    return dwell_stability(step * 0, step, Dwell(1.0, 1.0), {}, paranoid)
+
+
 def _attempted_proof(
     F: Array, H: Array, dwell: Dwell, proposal: DwellCertificate, paranoid: bool
 ) -> Verdict:
@@ -113,7 +119,7 @@ def _attempted_proof(
     attempt = undecided("no certificate P was given or found")
     for value, prover in ((proposal.P, _common), (proposal.windows, _windows)):
         if value is not None:
-            attempt = _twice(prover, F, H, dwell, proposal, paranoid=paranoid)
+            attempt = _proof_by(prover, F, H, dwell, proposal, paranoid=paranoid)
             if attempt.outcome == "proved":
                 return attempt
     if proposal.vector is not None:
@@ -130,7 +136,7 @@ def source_of(verdict: Verdict, paper: str) -> str:
     return paper
 
 
-def _twice(
+def _proof_by(
     prover: _Prover,
     F: Array,
     H: Array,
@@ -143,12 +149,11 @@ def _twice(
     verdict = prover(F, H, dwell, certificate, "bernstein")
     if verdict.outcome != "proved" or not paranoid:
         return verdict
-    second = prover(F, H, dwell, certificate, "chords")
-    if second.outcome != "proved":
-        return undecided(f"the second method does not confirm the proof: {second.reason}")
-    given = ("P", "windows", "edges")
-    confirmed = {key: value for key, value in second.evidence.items() if key not in given}
-    return Verdict("proved", {**verdict.evidence, "confirmed_by": confirmed})
+    return confirmed(
+        verdict,
+        lambda: prover(F, H, dwell, certificate, "chords"),
+        certificate=("P", "windows", "edges"),
+    )
 
 
 def _common(

@@ -19,6 +19,7 @@ from obsdesign.equations.modes import ModeGains, SwitchedGains, event_entries, m
 from obsdesign.problem.modes import spans_of
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains, inconsistent
+from obsdesign.verification.second_proof import confirmed
 
 STABILITY = "mode_stability"
 SOURCE = (
@@ -119,7 +120,11 @@ def mode_stability(modes: Modes, certificate: Entries, paranoid: bool) -> Verdic
     if "cells" in certificate:
         attempt = prove_modes(modes, certificate)
         if attempt.outcome == "proved":
-            return _confirmed(modes, certificate, attempt, paranoid)
+            cells = {"cells": certificate["cells"]}
+            proof = Verdict("proved", {**cells, **attempt.evidence})
+            if not paranoid:
+                return proof
+            return confirmed(proof, lambda: prove_modes(modes, certificate, method="chords"))
     word = _word(modes, certificate.get("witness"))
     if word:
         counter = refute_stays(modes, word)
@@ -128,16 +133,6 @@ def mode_stability(modes: Modes, certificate: Entries, paranoid: bool) -> Verdic
     if "cells" not in certificate and "reason" in certificate:
         return undecided(str(certificate["reason"]))
     return attempt
-
-
-def _confirmed(modes: Modes, certificate: Entries, attempt: Verdict, paranoid: bool) -> Verdict:
-    evidence: NewEntries = {"cells": certificate["cells"], **attempt.evidence}
-    if paranoid:
-        second = prove_modes(modes, certificate, method="chords")
-        if second.outcome != "proved":
-            return undecided(f"the second method does not confirm the proof: {second.reason}")
-        evidence |= {"confirmed_by": dict(second.evidence)}
-    return Verdict("proved", evidence)
 
 
 def _word(modes: Modes, witness: Value) -> StayWord:

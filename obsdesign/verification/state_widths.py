@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from obsdesign.document import Claim
 from obsdesign.problem.output import Output
+from obsdesign.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -40,3 +42,15 @@ def sensor_strips(output: Output) -> list[float | None]:
             before = strips[i]
             strips[i] = width if before is None else min(before, width)
     return strips
+
+
+def widths_of_claim(
+    problem: Problem, claims: tuple[Claim, ...], name: str
+) -> tuple[StateWidths, ...]:
+    """Sensor strip of each state, and its width at all times from a claim, where it is proved."""
+    proved_of = {claim.id: claim.evidence for claim in claims if claim.verdict == "proved"}
+    width = proved_of.get(name, {}).get("always", [None] * problem.plant.n)
+    return tuple(
+        StateWidths(f"x{i + 1}", None, strip, width[i], None, None, None)
+        for i, strip in enumerate(sensor_strips(problem.plant.outputs))
+    )

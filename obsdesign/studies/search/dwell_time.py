@@ -100,7 +100,7 @@ def _result(search: DwellSearch, best: Attempt, bracket: Bracket, of_problem: bo
         accuracy=search.accuracy,
         kept=search.kept,
         common_P=bracket.common,
-        open=_relative_gap(bracket),
+        open=bracket.relative_gap,
         islands=tuple(bracket.islands),
         reason=reason,
         witness=witness,
@@ -119,13 +119,6 @@ def _is_tight(bracket: Bracket, accuracy: float, unit: float) -> bool:
         return bracket.proved <= accuracy * unit  # nothing is close to zero relative to itself
     width = abs(bracket.proved - bracket.not_proved)
     return width <= accuracy * max(abs(bracket.proved), abs(bracket.not_proved)) * (1 + 1e-9)
-
-
-def _relative_gap(bracket: Bracket) -> float | None:
-    """Relative width of what is neither proved nor refuted; None where that has no meaning."""
-    if bracket.proved is None or not bracket.not_proved or math.isinf(bracket.not_proved):
-        return None
-    return abs(bracket.proved / bracket.not_proved - 1)
 
 
 def _reason(bracket: Bracket) -> str | None:

@@ -6,7 +6,6 @@ file gives is kept, and gains that are missing are synthesised first.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from lmi.arithmetic.arrays import Entries, NewEntries
@@ -69,7 +68,7 @@ def _outcome(search: _StaySearch, candidate: Candidate, bracket: Bracket) -> wor
     narrowed, gains = _narrowed(search, candidate, bracket.proved)
     certificates = {"mode_stability": bracket.certificate, "decay_rate": bracket.certificate}
     claims = mode_verification_of(kind).claims(narrowed, gains, certificates)
-    is_proved, gap = overall(claim.verdict for claim in claims) == "proved", _gap(bracket)
+    is_proved, gap = overall(claim.verdict for claim in claims) == "proved", bracket.relative_gap
     is_tight = bracket.not_proved is None or (gap is not None and gap <= search.accuracy)
     verdict = "proved" if is_proved and is_tight else "undecided"
     return workflow.Outcome(verdict, kind, claims, result.to_dict(), None)
@@ -86,17 +85,10 @@ def _result(search: _StaySearch, candidate: Candidate, bracket: Bracket) -> Sear
     entries = mode_entries(candidate.document())
     return SearchResult(
         proved=bracket.proved, not_proved=bracket.not_proved, not_proved_verdict=verdict,
-        accuracy=search.accuracy, open=_gap(bracket), reason=reason, witness=witness,
+        accuracy=search.accuracy, open=bracket.relative_gap, reason=reason, witness=witness,
         these_gains=these, form=candidate.label, ended=bracket.ended,
         gains={entry["name"]: {"L": jsonable(entry["L"])} for entry in entries},
     )  # fmt: skip
-
-
-def _gap(bracket: Bracket) -> float | None:
-    """Relative width of what is neither proved nor refuted; None where that has no meaning."""
-    if bracket.proved is None or not bracket.not_proved or math.isinf(bracket.not_proved):
-        return None
-    return abs(bracket.proved / bracket.not_proved - 1)
 
 
 def _narrowed(

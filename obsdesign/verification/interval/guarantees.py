@@ -12,16 +12,15 @@ from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.discrete_time import step_warnings
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
-from obsdesign.verification.interval.several_clocks import clocked_guarantees, clocked_states
+from obsdesign.verification.interval.several_clocks import clocked_guarantees
 from obsdesign.verification.interval.uncertain_width import (
     uncertain_guarantees,
-    uncertain_states,
     uncertain_warnings,
 )
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
-from obsdesign.verification.state_widths import StateWidths
+from obsdesign.verification.state_widths import StateWidths, widths_of_claim
 
 _ENCLOSURE = (
     "The bounds contain the state at every instant, if they contain it at the start, {} and "
@@ -92,8 +91,10 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
 def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
     """Sensor strip and proved width of each state, of a plant with several clocks."""
     if problem.plant.uncertain_events:
-        return uncertain_states(problem, claims)
-    return clocked_states(problem, claims) if problem.plant.needs_clock_gains else ()
+        return widths_of_claim(problem, claims, "late_width")
+    if not problem.plant.needs_clock_gains:
+        return ()
+    return widths_of_claim(problem, claims, "event_width")
 
 
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:

@@ -42,7 +42,6 @@ from obsdesign.verification.interval.discrete_time import step_claims
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from obsdesign.verification.silent_sensors import further_sample, missing_samples
-from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
     "The bounds contain the state at every row, if they contain it at the start, b, c and v stay "
@@ -237,16 +236,6 @@ def _width_sentence(evidence: Entries) -> str:
 
 def _listed(width: Sequence[float]) -> str:
     return f"({', '.join(six_digits(x, ROUND_CEILING) for x in width)})"
-
-
-def clocked_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
-    """Sensor strip and proved width of each state."""
-    proved_of = {claim.id: claim.evidence for claim in claims if claim.verdict == "proved"}
-    width = proved_of.get("event_width", {}).get("always", [None] * problem.plant.n)
-    return tuple(
-        StateWidths(f"x{i + 1}", None, strip, width[i], None, None, None)
-        for i, strip in enumerate(sensor_strips(problem.plant.outputs))
-    )
 
 
 def expected_of_clocks(problem: Problem, stored: Entries) -> NewEntries:

@@ -26,7 +26,6 @@ from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.interval.several_clocks import expected_of_clocks, proved_width
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
-from obsdesign.verification.state_widths import StateWidths, sensor_strips
 
 _ENCLOSURE = (
     "The bounds contain the state at every row, if they contain it at the start, b, c and v stay "
@@ -138,14 +137,4 @@ def _width_sentence(evidence: Entries) -> str:
     return (
         f"Asymptotically the width of the bounds is at most {', '.join(parts)}. While an "
         "event may have happened or not, the bounds contain both."
-    )
-
-
-def uncertain_states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
-    """Sensor strip and proved width of each state."""
-    proved_of = {claim.id: claim.evidence for claim in claims if claim.verdict == "proved"}
-    width = proved_of.get("late_width", {}).get("always", [None] * problem.plant.n)
-    return tuple(
-        StateWidths(f"x{i + 1}", None, strip, width[i], None, None, None)
-        for i, strip in enumerate(sensor_strips(problem.plant.outputs))
     )

@@ -19,7 +19,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistent_gains
-from obsdesign.verification.dwell import Dwell, dwell_stability
+from obsdesign.verification.dwell import step_stability
 from obsdesign.verification.modes import mode_stability
 
 STABILITY = "step_stability"
@@ -64,7 +64,7 @@ def _decided(maps: object, certificate: Entries, paranoid: bool) -> Verdict:
     if isinstance(maps, Modes):
         return mode_stability(maps, certificate, paranoid)
     cycle = np.asarray(maps)
-    verdict = dwell_stability(cycle * 0, cycle, Dwell(1.0, 1.0), {}, paranoid)
+    verdict = step_stability(cycle, paranoid)
     if verdict.outcome != "refuted":
         return verdict
     radius = verdict.witness.get("spectral_radius", 1.0)
@@ -78,7 +78,7 @@ def _is_hidden_for_all_gains(problem: Problem, gains: StepGains) -> bool:
     if hidden is None or problem.plant.jump is not None:
         return False
     step = hidden.maps[0]
-    return dwell_stability(step * 0, step, Dwell(1.0, 1.0), {}, False).outcome == "refuted"
+    return step_stability(step, False).outcome == "refuted"
 
 
 def when(problem: Problem) -> str:

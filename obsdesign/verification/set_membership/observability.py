@@ -27,7 +27,7 @@ from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.set_membership.pattern import Pattern
 from obsdesign.equations.time_grid import steps_of
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.dwell import Dwell, dwell_stability
+from obsdesign.verification.dwell import Dwell, dwell_stability, step_stability
 
 _ZERO = 1e-9  # of the largest entry of a direction
 _MOST_STEPS = 400  # of discrete time, of which a map is computed exactly
@@ -101,7 +101,7 @@ def _contracts_in_steps(problem: Problem, hidden: HiddenPart, paranoid: bool) ->
         for _ in range(count - 1):
             cycle = cycle @ step
         cycle = hidden.maps[1] @ cycle
-    verdict = dwell_stability(cycle * 0, cycle, Dwell(1.0, 1.0), {}, paranoid)
+    verdict = step_stability(cycle, paranoid)
     if verdict.outcome != "refuted":
         return verdict
     each = "step" if jump is None else "jump"

@@ -17,7 +17,7 @@ from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.unknown_input.steps import StepInputGains, input_entries
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains, inconsistent
-from obsdesign.verification.dwell import Dwell, dwell_stability
+from obsdesign.verification.dwell import step_stability
 
 _SOURCE = "docs/discrete_time.md, unknown inputs"
 # what the rounding of M and N leaves, in parts of the terms that cancel
@@ -96,7 +96,7 @@ def _zeros(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
 
 def _decays(step: Exact, paranoid: bool) -> Verdict:
     """Is the spectral radius of a map below one?"""
-    verdict = dwell_stability(step * 0, step, Dwell(1.0, 1.0), {}, paranoid)
+    verdict = step_stability(step, paranoid)
     if verdict.outcome != "refuted":
         return verdict
     radius = verdict.witness.get("spectral_radius", 1.0)
