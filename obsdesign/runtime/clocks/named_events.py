@@ -79,18 +79,20 @@ class NamedEvents:
 
     def _too_close(
         self, guards: Sequence[DwellGuard], t: float, events: Sequence[int]
-    ) -> list[str]:
+    ) -> list[Reason]:
         """Sentences on events that come too soon after one of another name."""
         if not self.spacing:
             return []
         last = {k: guard.last_jump for k, guard in enumerate(guards)}
-        sentences = []
+        sentences = list[Reason]()
         for k in events:
-            for other, at in last.items():
-                if other == k or at is None or t - at >= self.spacing - time_tolerance(t - at, t):
+            for other, before in last.items():
+                if other == k or before is None:
                     continue
-                apart = f"time {t - at:.9g} since {self.events[other].name}"
-                sentences.append(self.titled(k, f"{apart}, below {self.spacing:.9g}"))
+                apart = t - before
+                if apart < self.spacing - time_tolerance(apart, t):
+                    finding = f"since {self.events[other].name} below {self.spacing:.9g}"
+                    sentences.append(self.titled(k, Reason.measured("time", apart, finding)))
             last[k] = t
         return sentences
 

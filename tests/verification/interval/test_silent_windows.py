@@ -12,9 +12,9 @@ import obsdesign
 from lmi.arithmetic.balls import to_float
 from lmi.arithmetic.exponential import expm
 from lmi.bounds.graph_tube import Least
-from obsdesign.analysis.interval.late_system import LateSystem
-from obsdesign.analysis.interval.turning_system import TurningSystem, turns
-from obsdesign.analysis.interval.window_system import WindowSystem
+from obsdesign.analysis.interval.uncertain_additive_system import UncertainAdditiveSystem
+from obsdesign.analysis.interval.uncertain_general_system import UncertainGeneralSystem, turns
+from obsdesign.analysis.interval.uncertain_system import UncertainSystem
 from obsdesign.document import Design
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.problem.problem import Problem
@@ -82,11 +82,11 @@ def test_a_sample_in_a_window_does_not_shorten_the_silence_behind_it() -> None:
     assert widest[2] > 1.5 * GAP
 
 
-def system_of(design: Design) -> WindowSystem:
+def system_of(design: Design) -> UncertainSystem:
     gains = ClockedIntervalGains.from_document(design.gains)
     if not turns(gains):
-        return LateSystem(gains)
-    return TurningSystem(gains, tuple(design.claims[-1].evidence["sizes"]["before"]))
+        return UncertainAdditiveSystem(gains)
+    return UncertainGeneralSystem(gains, tuple(design.claims[-1].evidence["sizes"]["before"]))
 
 
 def smallest(w: Any, stages: tuple[Least, ...]) -> Any:
