@@ -7,6 +7,7 @@ discrete time the step of the plant is repeated.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -82,9 +83,8 @@ def simulate(
     round number near until/500, in discrete time a step). initial: x(0), (n,), default ones. dwell:
     `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in turn.
     disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held), `random`
-    or `sine`. rng: a numpy
-    Generator (default: seed 0). announced: the record has the times of impulses of unknown weight
-    too, which every kind but `impulsive_input` needs.
+    or `sine`. rng: a numpy Generator (default: seed 0). announced: the record has the times of
+    impulses of unknown weight too, which every kind but `impulsive_input` needs.
 
     InputError for options that do not fit the plant, and where the state overflows.
     """
@@ -100,11 +100,8 @@ def simulate(
     source = signals(plant, disturbance, len(instants.times), rng)
     sources = _of_modes(source, disturbance, instants, rng)
     with np.errstate(over="ignore", invalid="ignore"):
-        instants = replace(
-            instants,
-            received=arrival_times(plant, instants, rng),
-            true_times=true_times(plant, instants, rng),
-        )
+        received, happened = arrival_times(plant, instants, rng), true_times(plant, instants, rng)
+        instants = replace(instants, received=received, true_times=happened)
         record = _trajectory(x, instants, source, announced, sources)
     _require_finite(record)
     return record
@@ -142,28 +139,20 @@ def _trajectory(
 
     sources: the signals of each mode, none where there are no modes.
     """
-    plant, n, changes = source.plant, len(x), instants.modes
+    plant = source.plant
     after = plant.sees_after
     truth, outputs, events = [], [], []
-    cache: dict[tuple[int, float], Matrix] = {}
+    maps = defaultdict[int, dict[float, Matrix]](dict)
     now, pending = 0.0, instants.uncertain_events()
     at_rows = instants.exact_events()
-    leading = [0] * len(instants.times) if changes is None else changes.modes_before(instants.times)
-    following = leading if changes is None else changes.modes_of(instants.times)
+    leading, following = _modes_at_rows(instants)
     senders, times = ChangeSenders.from_plant(plant), instants.times.tolist()
     for k, t in enumerate(times):
         mode = leading[k]
         own = sources[mode] if sources else source
         while pending and pending[0].t <= t:
             x, now = _after_uncertain(pending.pop(0), own, x, k, now)
-        h = t - now
-        if plant.flow.dt is not None:
-            x = own.stepped(x, k, now, rounded_steps(h, plant.flow.dt))
-        elif h > 0:
-            if (mode, h) not in cache:
-                cache[mode, h] = expm(own.generator * h)[:n]
-            x = cache[mode, h] @ own.extended(x, k, now)
-        before = x
+        before = x = _flowed(x, own, k, (now, t), maps[mode])
         happening = np.flatnonzero(at_rows[k]).tolist()
         for event in happening:
             x = np.asarray(plant.events[event].G @ x + source.jump(k, event))
@@ -180,6 +169,29 @@ def _trajectory(
         now = t
     names = [plant.modes[mode].name for mode in following] if plant.modes else None
     return _record(instants, source, announced, (outputs, truth, events), names)
+
+
+def _modes_at_rows(instants: Instants) -> tuple[list[int], list[int]]:
+    """The mode that leads up to each row, and the one from it on; 0 without modes."""
+    times, changes = instants.times, instants.modes
+    if changes is None:
+        return [0] * len(times), [0] * len(times)
+    return changes.modes_before(times), changes.modes_of(times)
+
+
+def _flowed(
+    x: Matrix, source: Signals, row: int, span: tuple[float, float], maps: dict[float, Matrix]
+) -> Matrix:
+    """The state at the end of a span of time up to a row; maps: of this flow, by length."""
+    start, end = span
+    h, dt = end - start, source.plant.flow.dt
+    if dt is not None:
+        return source.stepped(x, row, start, rounded_steps(h, dt))
+    if not h > 0:
+        return x
+    if h not in maps:
+        maps[h] = expm(source.generator * h)[: len(x)]
+    return np.asarray(maps[h] @ source.extended(x, row, start))
 
 
 def _after_uncertain(

@@ -73,12 +73,7 @@ def control_estimator(design: Design) -> Any:
     reason; where the middle of flow.disturbance is not zero, since a linear system adds no
     constant; and when python-control (extra `interop`) is not installed.
     """
-    gains, why = design.gains, _NOT_LINEAR.get(design.kind)
-    if design.kind == "luenberger" and "G" in gains:
-        why = "its estimate jumps with the plant; a state-space model does not"
-    why = "its gains change with the mode" if "modes" in gains else why
-    if design.kind == "luenberger" and gains.get("period", gains.get("dt")) != gains.get("dt"):
-        why = "it is corrected every few steps alone"
+    gains, why = design.gains, _reason_against_linear(design)
     if why is not None:
         raise InputError(
             f"a control estimator exists for kind 'luenberger' without jumps; this design is of "
@@ -105,6 +100,20 @@ def control_estimator(design: Design) -> Any:
         *_matrices(typed), inputs=inputs, outputs=states, states=states,
         name=f"{design.name}_observer",
     )  # fmt: skip
+
+
+def _reason_against_linear(design: Design) -> str | None:
+    """Why the estimator is no time-invariant linear system, or None."""
+    gains = design.gains
+    if "modes" in gains:
+        return "its gains change with the mode"
+    if design.kind != "luenberger":
+        return _NOT_LINEAR.get(design.kind)
+    if gains.get("period", gains.get("dt")) != gains.get("dt"):
+        return "it is corrected every few steps alone"
+    if "G" in gains:
+        return "its estimate jumps with the plant; a state-space model does not"
+    return None
 
 
 def _matrices(gains: LuenbergerGains | StepGains) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:

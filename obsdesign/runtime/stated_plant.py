@@ -1,4 +1,4 @@
-"""Does a design run the plant that its problem states? The entries that gains repeat, compared."""
+"""Check that gains run the plant that their problem states: entries that both hold."""
 
 from __future__ import annotations
 

@@ -92,8 +92,7 @@ def claims(
     agreement = _invertible(gains, _within_limit(problem, gains, agreement))
     if agreement.verdict != "proved":
         return (agreement,)
-    if not (gains.L.any() or gains.M.any()):
-        agreement = replace(agreement, evidence={**agreement.evidence, "zero_gains": True})
+    agreement = _marked(gains, agreement)
     source = f"{PAPER}, {THEOREMS[gains.form]}"
     hypotheses = (agreement, *_hypotheses(problem, gains, source))
     system = WidthSystem.from_gains(gains, exact, inverse)
@@ -101,15 +100,29 @@ def claims(
         proposed = certificates.get("sampled_stability", {})
         sampled = samples_claim(system, gains, proposed, f"{source}; samples as jumps")
         return with_hints(problem, (*hypotheses, sampled))
-    proposed = certificates.get("width", {})
     if system.N is None:
-        width = limit_claim(system, proposed, source)
-        listed = (*hypotheses, _hurwitz_claim(system.W, "there are no jumps"), *width)
-        return (*listed, *_spacing(problem, system, gains, certificates, width))
+        return (*hypotheses, *_claims_without_jumps(problem, system, gains, certificates))
+    width = width_claim(system, gains.dwell_range, certificates.get("width", {}), source)
     stability = _jump_claims(system, gains, certificates, paranoid)
-    width = width_claim(system, gains.dwell_range, proposed, source)
     spacing = _spacing(problem, system, gains, certificates, width)
     return with_hints(problem, (*hypotheses, *stability, *width, *spacing))
+
+
+def _marked(gains: IntervalGains, agreement: Claim) -> Claim:
+    """The claim that gains and problem agree, with a mark where they do not use the sensor."""
+    if gains.L.any() or gains.M.any():
+        return agreement
+    return replace(agreement, evidence={**agreement.evidence, "zero_gains": True})
+
+
+def _claims_without_jumps(
+    problem: Problem, system: WidthSystem, gains: IntervalGains, certificates: EntriesByClaim
+) -> tuple[Claim, ...]:
+    """Stability, limit of the width and step limit of a plant without jumps."""
+    source = f"{PAPER}, {THEOREMS[gains.form]}"
+    width = limit_claim(system, certificates.get("width", {}), source)
+    stability = _hurwitz_claim(system.W, "there are no jumps")
+    return (stability, *width, *_spacing(problem, system, gains, certificates, width))
 
 
 def _hypotheses(problem: Problem, gains: IntervalGains, source: str) -> Iterator[Claim]:

@@ -100,8 +100,8 @@ def test_guard_of_the_spacing(kind: str) -> None:
         statuses.append(
             [x for x in estimate.status.split("; ") if "since" in x and "last" not in x]
         )
-    assert statuses[1] == ["meal: time 0.5 since dose, below 1"]
-    assert statuses[4] == ["meal: time 0 since dose, below 1"]
+    assert statuses[1] == ["meal: time 0.5 since dose below 1"]
+    assert statuses[4] == ["meal: time 0 since dose below 1"]
     assert statuses[0] == statuses[2] == statuses[3] == []
     gains = {**made.gains, "spacing": 0.5}
     with pytest.raises(InputError, match=r"gains\.spacing differs from problem\.timing\.spacing"):
@@ -139,7 +139,7 @@ def test_spacing_within_modes() -> None:
     state = observer.start(0.0, [-5, 5, -5, 5])
     state, _ = observer.step(state, Sample(0.0, [0.0], jump=True, events=(0,), mode="open"))
     _, estimate = observer.step(state, Sample(1.0, [0.0], jump=True, events=(1,)))
-    assert "leak: time 1 since stroke, below 4" in estimate.status
+    assert "leak: time 1 since stroke below 4" in estimate.status
 
 
 @pytest.mark.parametrize(
