@@ -46,6 +46,8 @@ class Reason(str):
 
 # of a row without a sample that was due
 MISSING_SAMPLE = Reason("missing sample")
+# of a row of discrete time without an event that was due
+MISSING_EVENT = Reason("missing event")
 NOT_FINITE = Reason("estimate is not finite")
 
 

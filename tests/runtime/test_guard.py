@@ -111,3 +111,26 @@ def test_the_range_of_a_search_for_the_shortest_is_wider_below_only() -> None:
     for wrong in ([low, 9.0], [0.8, high], [-1.0, high]):
         with pytest.raises(obsdesign.InputError, match=r"gains\.dwell_time differs from problem"):
             from_design(replace(design, gains={**design.gains, "dwell_time": wrong}))
+
+
+@pytest.mark.parametrize("kind", ["interval", "set_membership", "luenberger", "finite_time"])
+def test_in_discrete_time_an_event_is_missing_at_its_longest_time(kind: str) -> None:
+    """No later row has it; the twin in continuous time may still have it at that instant."""
+    body = {
+        "flow": {"A": [[0.5]], "dt": 0.1}, "jump": {"G": [[0.5]], "dwell_time": [0.2, 0.4]},
+        "output": {"C": [[1]], "noise_bound": 0.1},
+        "observer": {"kind": kind, **({"window": 0.1} if kind == "finite_time" else {})},
+    }  # fmt: skip
+    observer: Any = from_design(obsdesign.design(Problem.from_dict(body)))
+    t = np.round(np.arange(12) * 0.1, 10)
+    is_bounded = kind in {"interval", "set_membership"}
+    start = {"lower": [-1], "upper": [1]} if is_bounded else {"x": [0]}
+    batch = observer.run_batch(t, np.zeros((12, 1)), jump=np.isin(t, [0.1, 0.5]), **start)
+    # behind the last event: at its longest time, and beyond it
+    assert "missing event" in batch.status[9]
+    assert "dwell time 0.5 above 0.4" in batch.status[10]
+    assert not any("event" in status or "dwell" in status for status in batch.status[:9])
+    guard = DwellGuard(0.2, 0.4, last_jump=0.1)
+    assert guard.after(0.5, jump=False)[1] is None
+    assert guard.after(0.5, jump=False, is_step=True)[1] == "missing event"
+    assert guard.after(0.5, jump=True, is_step=True)[1] is None

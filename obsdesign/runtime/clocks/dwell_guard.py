@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from obsdesign.equations.gains import PlantGains
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.state_marks import Past
-from obsdesign.runtime.status import Reason
+from obsdesign.runtime.status import MISSING_EVENT, Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,13 @@ class DwellGuard:
         jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
         return cls(*gains.dwell_range, jitter=jitter)
 
-    def after(self, t: float, jump: bool) -> tuple[DwellGuard, Reason | None]:
-        """The guard after an instant, and why the instant is inadmissible (None: it is not)."""
+    def after(
+        self, t: float, jump: bool, *, is_step: bool = False
+    ) -> tuple[DwellGuard, Reason | None]:
+        """The guard after an instant, and why the instant is inadmissible (None: it is not).
+
+        is_step: of discrete time, where no later row has the event that is due.
+        """
         violation = None
         elapsed = None if self.last_jump is None else t - self.last_jump
         if elapsed is not None:
@@ -42,6 +47,8 @@ class DwellGuard:
                 violation = Reason.measured("dwell time", elapsed, f"below {self.shortest:.9g}")
             elif elapsed > self.longest + slack:
                 violation = Reason.measured("dwell time", elapsed, f"above {self.longest:.9g}")
+            elif is_step and not jump and elapsed >= self.longest - slack:
+                violation = MISSING_EVENT
             elif jump and change > self.jitter + 2 * slack:
                 limit = f"of the dwell time above {self.jitter:.9g}"
                 violation = Reason.measured("change", change, limit)

@@ -71,7 +71,7 @@ class NamedEvents:
         """Guards after the events of a row, and sentences on times that are not kept."""
         sentences, following = list[Reason](), list[DwellGuard]()
         for k, guard in enumerate(guards):
-            own, violation = guard.after(t, k in events)
+            own, violation = guard.after(t, k in events, is_step=self.dt is not None)
             following.append(own)
             if violation is not None:
                 sentences.append(self.titled(k, violation))

@@ -78,7 +78,7 @@ class StepWindowObserver(SteppedObserver[StepWindowState]):
     ) -> tuple[StepWindowState, Estimate]:
         """Step to t, take the sample in, and jump if the row says so."""
         when = self.gains.jump_measurement
-        guard, late = state.guard.after(t, sample.jump)
+        guard, late = state.guard.after(t, sample.jump, is_step=True)
         reasons: list[str] = [late] if late else []
         hidden = sample.jump and when == "none"
         state, reason = self._moved(state, t, None if hidden else y, hidden=hidden)

@@ -67,7 +67,7 @@ class StepObserver(SteppedObserver[StepState]):
     ) -> tuple[StepState, Estimate]:
         """Step to t, then correct with the sample, or jump if the sample says so."""
         gains, x = self.gains, self._stepped(state, t)
-        guard, late = state.guard.after(t, sample.jump)
+        guard, late = state.guard.after(t, sample.jump, is_step=True)
         objections: list[str] = [late] if late else []
         used = y is not None
         if sample.jump:

@@ -35,7 +35,8 @@ class OneClock(NamedClocks):
         self, kept: Kept, t: float, y: Matrix | None, events: Sequence[int], *, started: bool = True
     ) -> tuple[Kept, list[Reason]]:
         """Clocks after a row of measurements and jumps, and sentences on those not kept."""
-        guard, violation = kept.guards[0].after(t, 0 in events)
+        is_step = self.gains.dt is not None
+        guard, violation = kept.guards[0].after(t, 0 in events, is_step=is_step)
         (sampled,) = kept.sampled
         sentences = [] if violation is None else [violation]
         sentences += self._samples_not_kept(sampled, t, y, started, bool(events))
