@@ -35,7 +35,7 @@ class Branch(NamedTuple):
 
 
 class Known(NamedTuple):
-    """An event whose window was opened."""
+    """An event whose window was opened before its own row."""
 
     event: int
     stamp: float
@@ -47,7 +47,7 @@ class UncertainState(NamedTuple):
     clocked: as without them, its box what is reported; spread: a second set that contains the
     state, as if events of open windows had not happened; None where no event was; windows: those
     that are open; branches: boxes by which of their events have happened, none without windows;
-    known: events whose windows were opened, up to their stamps.
+    known: events whose windows were opened, up to their own rows.
     """
 
     clocked: ClockedState

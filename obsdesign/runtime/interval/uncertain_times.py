@@ -95,8 +95,14 @@ class UncertainTimesObserver(BoundsObserver[UncertainState]):
             cut = branches.used(row.measured, exact)
         clocked, estimate = self.inner.after_row(state.clocked, row, cut)
         opened = tuple(Known(window.event, window.stamp) for window in windows)
-        known = tuple(each for each in (*state.known, *opened) if each.stamp >= row.t)
+        known = self._without_own((*state.known, *opened), sample)
         return branches.state(clocked, known), self._with_inputs_above(estimate, row)
+
+    def _without_own(self, known: Iterable[Known], sample: Sample) -> tuple[Known, ...]:
+        """Events behind a row: each of the row itself is one of those that were announced."""
+        own = (Known(each.event, each.t) for each in uncertain(sample, self.time_errors))
+        behind = (Counter(known) - Counter(own)).elements()
+        return tuple(each for each in behind if each.stamp >= sample.t)
 
     def _with_inputs_above(self, estimate: Estimate, row: Row) -> Estimate:
         """An estimate, with a word on inputs for which no width is claimed."""

@@ -240,6 +240,29 @@ def test_an_event_that_no_row_announced_is_refused() -> None:
     assert estimate.status == "ok"
 
 
+def test_a_second_event_of_one_stamp_is_announced_too() -> None:
+    """In rows of their own: two doses are one of both; `step` refuses the second one behind it."""
+    observer: Any = observer_of(PK)
+    begin = observer.init(0.0, lower=[0] * 3, upper=[0] * 3)
+    begin, _ = observer.step(begin, Sample(0.0))
+    state, _ = observer.step(begin, dose(2.0))
+    with pytest.raises(ValueError, match=r"dose at 2 may have happened before the last row, 2:"):
+        observer.step(state, dose(2.0, 0.5))
+    first = dose(2.0)._replace(ahead=(Announced(0, 2.0, np.array([0.5])),))
+    state, _ = observer.step(begin, first)
+    state, _ = observer.step(state, dose(2.0, 0.5))
+    with pytest.raises(ValueError, match=r"dose at 2 may have happened"):
+        observer.step(state, dose(2.0, 0.5))
+    _, announced = observer.step(state, Sample(3.0))
+    last = [
+        estimates(observer, [Sample(0.0), *doses, Sample(3.0)])[-1]
+        for doses in ([dose(2.0), dose(2.0, 0.5)], [dose(2.0, 1.5)])
+    ]
+    assert announced.lower.tobytes() == last[0].lower.tobytes()  # type: ignore[union-attr]
+    for each in last:
+        assert each.lower[0] <= 150 * np.exp(-1) <= each.upper[0]  # type: ignore[index]
+
+
 def test_rows_that_come_late_give_the_same_bounds() -> None:
     observer, rows = observer_of(PK), simulated(PK, 4)
     expected = estimates(observer, rows, 1.0)
