@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TypeVar
 
-from lmi.arithmetic.arrays import Entries, NewEntries
+from lmi.arithmetic.arrays import Entries
 from lmi.memory import OversizeError
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end, sentences
 from lmi.verdict import overall
+from obsdesign.candidate_choice import answers_of_forms, best_candidate, tried_candidates
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError, naming
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
-from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
+from obsdesign.synthesis.kind import Constraints
+from obsdesign.verification.answers import is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from, state_rows
 from obsdesign.verification.kind import verification_for, verification_of
 from obsdesign.version import provenance
 
 _Key = TypeVar("_Key", bound=Hashable)
-
-
-@dataclass(frozen=True)
-class FormAnswer:
-    """What became of a form: `Outcome.result` holds one for each under "forms"."""
-
-    verdict: str
-    reasons: list[str]
 
 
 @dataclass(frozen=True)
@@ -140,13 +132,13 @@ def _attempted(
     problem: Problem, first: bool, budget: TimeBudget, constraints: Constraints | None
 ) -> _Attempt | InputError:
     try:
-        tried, untried = _tried(problem, first, budget, constraints)
+        tried, untried = tried_candidates(problem, first, budget, constraints)
     except InputError as error:
         return error
     except OversizeError as error:
         return InputError(str(error))
     remarks = [remark for one in tried for remark in one.candidate.remarks]
-    best = _best(tried)
+    best = best_candidate(tried)
     claims = best.claims
     if untried is not None:
         remarks += untried.remarks
@@ -154,7 +146,9 @@ def _attempted(
     verdict = overall(claim.verdict for claim in claims)
     if verdict == "proved" and not first and not any(one.evidence for one in remarks):
         remarks += remark_end("a better design", budget.ended())
-    result = _result(problem, best.candidate.label, tried) | {"seconds": round(best.seconds, 6)}
+    result = answers_of_forms(problem, best.candidate.label, tried) | {
+        "seconds": round(best.seconds, 6)
+    }
     if rows := state_rows(problem, claims):
         result |= {"states": rows}
     better = verdict == "proved"
@@ -165,69 +159,6 @@ def _attempted(
         verdict, design.kind, claims, result, design, design.guarantees, design.warnings or ()
     )
     return _Attempt(outcome, best.candidate.cost, [one for one in remarks if one.evidence])
-
-
-@dataclass(frozen=True)
-class _Tried:
-    """A candidate and what was proved of it, so many seconds after the start."""
-
-    candidate: Candidate
-    claims: tuple[Claim, ...]
-    verdict: str
-    seconds: float
-
-
-def _tried(
-    problem: Problem, first: bool, budget: TimeBudget, constraints: Constraints | None
-) -> tuple[list[_Tried], Candidate | None]:
-    """Candidates with what was proved of them; and the next one where time ended before it."""
-    started = time.perf_counter()
-    verification = verification_for(problem)
-    candidates, tried = iter(candidates_of(problem, budget, constraints)), list[_Tried]()
-    while True:
-        is_over = bool(tried) and budget.remaining() < 0
-        candidate = next(candidates, None)
-        if candidate is None or is_over:
-            return tried, candidate
-        claims = verification.claims(
-            problem, candidate.document(), candidate.certificates, budget=budget
-        )
-        claims = as_answers(candidate, claims, candidate.remarks)
-        verdict = overall(claim.verdict for claim in claims)
-        tried.append(_Tried(candidate, claims, verdict, time.perf_counter() - started))
-        enough = first or not candidate.goes_on
-        if enough and any(one.verdict == "proved" for one in tried):
-            return tried, None
-
-
-def _best(tried: list[_Tried]) -> _Tried:
-    """The first proved one, or the proved one of least cost; else an undecided one if any.
-
-    An undecided form may still be true, a refuted one is not; of these the last form is taken,
-    which has the weakest hypotheses.
-    """
-    proved = [one for one in tried if one.verdict == "proved"]
-    if proved:
-        return min(proved, key=lambda attempt: attempt.candidate.cost or 0.0)
-    return min(reversed(tried), key=lambda attempt: ("undecided", "refuted").index(attempt.verdict))
-
-
-def _result(problem: Problem, label: str, tried: list[_Tried]) -> NewEntries:
-    """The form of the design, and what became of each."""
-    proved = {one.candidate.label for one in tried if one.verdict == "proved"}
-    forms = {
-        one.candidate.label: _summary(one.verdict, one.claims)
-        for one in tried
-        if one.verdict == "proved" or one.candidate.label not in proved
-    }
-    skipped = untried_forms(problem)
-    forms |= {name: asdict(FormAnswer("undecided", [why])) for name, why in skipped.items()}
-    return {"form": label, "forms": forms}
-
-
-def _summary(verdict: str, claims: tuple[Claim, ...]) -> NewEntries:
-    reasons = [f"{c.id}: {reason(c)}" for c in claims if c.verdict != "proved"]
-    return asdict(FormAnswer(verdict, reasons))
 
 
 def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...]) -> Design:

@@ -117,6 +117,7 @@ LEVELS = (
     ("pages",),
     ("studies",),
     ("workflow",),
+    ("candidate_choice",),
     ("synthesis", "verification"),
     ("analysis", "data", "interop"),
     ("runtime", "problem"),

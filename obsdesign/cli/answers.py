@@ -9,13 +9,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from obsdesign.candidate_choice import FormAnswer
 from obsdesign.cli.talk import output_console
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of, state_table
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.kind import untried_forms
 from obsdesign.verification.answers import is_ended, more_time, reason
-from obsdesign.workflow import FormAnswer, Outcome
+from obsdesign.workflow import Outcome
 
 if TYPE_CHECKING:
     from rich.table import Table
