@@ -224,7 +224,7 @@ ANY = {
     "lmi.arithmetic.arrays": "exact-or-float arrays, and values of files",
     "lmi.find.constrained": "expressions of CVXPY",
     "obsdesign": "names that are imported when they are first used",
-    "obsdesign.equations.gains": "declarations of fields",
+    "obsdesign.equations.stored": "declarations of fields",
     "obsdesign.input_files": "what json reads, where numpy is not loaded",
     "obsdesign.interop.export": "models of python-control",
     "obsdesign.interop.frames": "tables of pandas",
