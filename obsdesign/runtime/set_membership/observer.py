@@ -21,20 +21,18 @@ from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.runtime.base import Estimate, Sample, instant, later, vector
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, declared_noise
 from obsdesign.runtime.bounds_observer import BoundsObserver
-from obsdesign.runtime.boxes import BoundsFault, initial_bounds, midpoint
+from obsdesign.runtime.boxes import BoundsFault, initial_bounds
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.clocks.named_clocks import Kept
-from obsdesign.runtime.clocks.time_grid import steps_to_row
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
 from obsdesign.runtime.set_membership.clocks import ClockedRow, Clocks
 from obsdesign.runtime.set_membership.model import (
-    Disturbance,
     Model,
     observer_model,
     rescaled,
     unscaled,
 )
-from obsdesign.runtime.set_membership.stages import Stage, sampled_strip
+from obsdesign.runtime.set_membership.row_stages import RowStages
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
@@ -186,19 +184,9 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         in_time: bool,
     ) -> _Row:
         """The tape and the bounds after a row, and the contradiction in it, if there is one."""
-        bounder, (t, y, events) = self._bounder, row
+        bounder = self._bounder
         tape = Tape(state.start, state.stages, state.box)
-        used = self._clocks.part(y, "before") if events else y
-        stages = [self._flow_stage(state, sample, t, used)]
-        readings = self._clocks.silence_strip(state.sent, state.sampled, row)
-        # a later row of one time may hold the sample of a sensor on change
-        if readings is not None and t > state.t:
-            stages[0] = self._with_silence_strip(stages[0], *readings)
-        stages += [self._jump_stage(sample, t, event) for event in events]
-        if events:
-            strip = self._strip(sample, self._clocks.part(y, "after"))
-            stages[-1] = stages[-1]._replace(strip=strip)
-        stages[-1] = stages[-1]._replace(ends_row=True)
+        stages = self._stages.of_row(state, sample, row)
         fault, free = None, tape.box
         for stage in stages:
             tape = bounder.predicted(tape, stage._replace(in_time=in_time))
@@ -223,57 +211,6 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         nothing = np.full((2, self.n), np.nan)
         further = 0 if self.gains.directions is None else len(self.gains.directions)
         return _Row(tape, Result(box, np.full((2, further), np.nan), nothing), fault)
-
-    def _flow_stage(
-        self, state: SetMembershipState, sample: Sample, t: float, y: Matrix | None
-    ) -> Stage:
-        h, size = t - state.t, max(abs(t), abs(state.t))
-        if self.gains.dt is not None:
-            # refuses a time between two steps
-            steps_to_row(state.t, t, self.gains.dt, started=state.started)
-        table = self._tables.for_step(h, size)
-        known, radius = self._disturbed(self._model.flow, state.u, state.held)
-        return Stage(
-            t, h, size, False, known, known, known, radius, self._strip(sample, y), state.box,
-            False,
-        ).driven(table)  # fmt: skip
-
-    def _with_silence_strip(self, stage: Stage, known: Matrix, change: Matrix) -> Stage:
-        """The stage before events, with strips of readings that are known to within a change."""
-        bounds = self.declared_bounds.v
-        lower = np.nextafter(bounds.lower - change, -np.inf)
-        strip = sampled_strip(known, lower, np.nextafter(bounds.upper + change, np.inf))
-        if stage.strip is not None:
-            strip = np.where(np.isnan(stage.strip), strip, stage.strip)
-        return stage._replace(strip=None if np.isnan(strip).all() else strip)
-
-    def _jump_stage(self, sample: Sample, t: float, event: int) -> Stage:
-        """The stage of an event, without a measurement after it."""
-        table, jump = self._tables.jumps[event], self._model.jumps[event]
-        w, declared = self._clocks.named.inputs(sample, event), self.declared_bounds.c
-        pair = None if sample.bounds is None else sample.bounds.c
-        held = np.stack([jump.c.lower, jump.c.upper])
-        if declared is not None:
-            held = np.stack(declared.completed(pair))
-        elif pair is not None:
-            raise ValueError("bounds of c are not used with several events.")
-        known, radius = self._disturbed(jump.c, w, held)
-        return Stage(
-            t, 0.0, abs(t), True, known, known, known, radius, None, held, False, event=event
-        ).driven(table)  # fmt: skip
-
-    def _disturbed(self, b: Disturbance, known: Matrix, held: Matrix) -> tuple[Matrix, Matrix]:
-        """(inputs and middles of the disturbance, radii of its columns) of a stage."""
-        middle, radius = midpoint(held[0], held[1])
-        radii = np.zeros(self._model.width)
-        radii[: len(b.active)] = radius[b.active]
-        return np.concatenate([known, middle]), radii
-
-    def _strip(self, sample: Sample, y: Matrix | None) -> Matrix | None:
-        if y is None:
-            return None
-        pair = None if sample.bounds is None else sample.bounds.v
-        return sampled_strip(y, *self.declared_bounds.v.completed(pair))
 
     def _held(self, own: Bounds) -> Matrix:
         stated = np.stack(self.declared_bounds.b.completed(own.b))
@@ -306,6 +243,10 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
     @cached_property
     def _tables(self) -> Tables:
         return Tables(self._model)
+
+    @cached_property
+    def _stages(self) -> RowStages:
+        return RowStages(self.gains, self._model, self._tables, self._clocks, self.declared_bounds)
 
     @cached_property
     def _bounder(self) -> Bounder:
