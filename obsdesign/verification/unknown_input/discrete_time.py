@@ -16,6 +16,7 @@ from obsdesign.analysis.invariant_zeros import shows_every_input, zero_part
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.unknown_input.steps import StepInputGains, input_entries
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistent_gains, inconsistent
 from obsdesign.verification.dwell import step_stability
 
@@ -54,6 +55,7 @@ def step_input_claims(problem: Problem, stored: Entries, paranoid: bool) -> tupl
 
 
 def _existence(problem: Problem) -> tuple[Claim, ...]:
+    """Claims about the plant alone, whose witnesses hold for all gains."""
     A, C, D = problem.plant.flow.A, problem.plant.output.C, problem.plant.flow.D
     assert D is not None
     rank = shows_every_input(C, D)
@@ -69,9 +71,9 @@ def _existence(problem: Problem) -> tuple[Claim, ...]:
         _SOURCE, rank,
     )  # fmt: skip
     if rank.outcome != "proved":
-        return (shown,)
+        return (mark_witness(shown),)
     text = "every invariant zero of (A, D, C) lies inside the unit disc"
-    return (shown, Claim.from_verdict("zeros", text, _SOURCE, _zeros(A, C, D)))
+    return (shown, mark_witness(Claim.from_verdict("zeros", text, _SOURCE, _zeros(A, C, D))))
 
 
 def _zeros(A: Matrix, C: Matrix, D: Matrix) -> Verdict:

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 import obsdesign
+from lmi.time_budget import UNLIMITED
 from obsdesign import workflow
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample, rows_of
+from obsdesign.studies.check.which_kinds import check_kinds
 
 
 def body(output: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
@@ -87,6 +89,23 @@ def test_a_square_plant_has_one_gain_and_its_zeros() -> None:
     assert outcome.verdict == "refuted"
     reasons = [c.evidence["witness"]["reason"] for c in outcome.claims if c.verdict == "refuted"]
     assert "an invariant zero of modulus 1" in reasons[0]
+
+
+@pytest.mark.parametrize("zero", [1.25, -1.0, 0.75])
+@pytest.mark.parametrize("outputs", [[[0, 1]], [[0, 1], [0, 2]], [[0, 1], [0, 2], [0, 1]]])
+def test_zeros_decide_whatever_the_gains(zero: float, outputs: list[list[float]]) -> None:
+    """x1 is hidden from every output: more of them than inputs leave gains, which do not help."""
+    flow = {"A": [[zero, 0], [0, 0.5]], "D": [[0], [1]], "B": [[0], [0]]}
+    problem = Problem.from_dict(body({"C": outputs, "noise_bound": 0.1}, flow=flow))
+    outcome = workflow.investigate(problem)
+    answers = check_kinds(problem, ("unknown_input",), lambda done, total: None, UNLIMITED)
+    checked = answers["unknown_input"].verdict
+    zeros = next(claim for claim in outcome.claims if claim.id == "zeros")
+    if abs(zero) < 1:
+        assert zeros.verdict == outcome.verdict == checked == "proved"
+        return
+    assert zeros.verdict == outcome.verdict == checked == "refuted"
+    assert f"zero of modulus {abs(zero):g}" in zeros.evidence["witness"]["reason"]
 
 
 def test_an_input_that_does_not_show_is_refuted() -> None:
