@@ -165,7 +165,7 @@ def _stepped(system: Affine, X: Exact, bound: Exact, low: float, high: float) ->
             end = min(theta + step, high)
             half = 0.5 * (end - theta)
             middle = theta + half
-            if not middle > theta or step < _SHORTEST * unit:
+            if not end > theta or step < _SHORTEST * unit:
                 reason = f"the bound fails, or nearly fails, after theta = {theta!r}"
                 return undecided(reason, theta=theta, steps=count)
             reach = max(

@@ -16,8 +16,9 @@ from lmi.time_budget import UNLIMITED, TimeBudget
 
 # a column of all v (nodes, n), and its factor
 _Term = tuple[int, float]
+# relative room above the image of the tube, least first: a proof needs some
 MARGINS = (2e-4, 2e-3, 1e-2)
-_ROUNDS, _SWEEPS = 25, 2
+_ROUNDS, _SWEEPS = 60, 2
 # rounds without a positive solution after which a graph is given up
 _MOST_UNSTABLE, _JUMP = 12, 8.0
 # rounds in which a tube is lowered, and the relative change at which it has settled

@@ -25,7 +25,9 @@ from obsdesign.analysis.interval.passage_times import passage
 from obsdesign.analysis.interval.time_graph import TimeGraph
 
 _TICKS = 16  # in the shortest time between two events of a name, at most
-_MOST_NODES = 250
+_COARSE_CELLS = 8  # of a gap, which ticks of finer cells are made of or divide
+# of marks: with more of them ticks are too many, whatever the cells
+_MOST_KINDS = 3
 
 
 @dataclass(frozen=True)
@@ -45,15 +47,23 @@ class TickGraph(TimeGraph):
         self.ticks = {s: ticks for s in self.cells if (ticks := self._ticks(s)) is not None}
 
     def _ticks(self, sensor: int) -> Ticks | None:
-        """Ticks of a sensor, None where its gap is too short for so few, or they are too many."""
+        """Ticks of a sensor, None where its gap is too short for so few, or marks are too many.
+
+        Twice as many cells divide the same ticks, or those of half the length: bounds only narrow.
+        """
         cells, unit = self.cells[sensor], self.marks.unit
-        if unit is None or self.system.gap(sensor) < unit / _TICKS:
+        if unit is None or len(self.until) > _MOST_KINDS:
+            return None
+        shortest = unit / _TICKS
+        if self.system.gap(sensor) < shortest:
             return None
         cell = self.system.gap(sensor) / len(cells)
-        own = min(math.ceil(unit / _TICKS / cell), len(cells))
-        count = math.ceil(unit / (own * cell))
-        nodes = len(self.until) * count * (len(cells) + own + 1)
-        return Ticks(own * cell, own, count) if nodes <= _MOST_NODES else None
+        coarse = 1 << ((self.marks.cells - 1) // _COARSE_CELLS).bit_length()
+        own = coarse * math.ceil(shortest / (coarse * cell))
+        while own % 2 == 0 and own // 2 * cell >= shortest:
+            own //= 2
+        own = min(own, len(cells))
+        return Ticks(own * cell, own, math.ceil(unit / (own * cell)))
 
     def strategies(self, node: Node) -> list[Strategy]:
         """Strategies of a node."""

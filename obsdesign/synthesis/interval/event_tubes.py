@@ -30,9 +30,9 @@ from obsdesign.analysis.interval.uncertain_general_system import (
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 
 # parts of a sensor's longest gap, and of the shortest time between events: first and last
-_FOR_STABILITY, _FOR_WIDTH = (1, 8), (8, 16)
-# nodes of the first graph for widths, whose cells are fewer where several events need more
-_FIRST_NODES = 400
+_FOR_STABILITY, _FOR_UNCERTAIN_WIDTH = (1, 8), (8, 16)
+# last; the first are these too, or fewer in a graph that would have more nodes
+_FOR_WIDTH, _FIRST_NODES = 16, 400
 # nodes of any graph, but for a total that lasts
 _MOST_NODES = 800
 # what every entry of a tube has beside what inputs make of it, relative to that
@@ -50,13 +50,13 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
     stability = _certificate(system, stability_graph, (first, most), budget)
     if "tube" not in stability:
         return {"event_stability": stability}
-    width = _certificate(system, width_graph, (_first_cells(system), _FOR_WIDTH[1]), budget)
+    width = _certificate(system, width_graph, (_first_cells(system), _FOR_WIDTH), budget)
     return {"event_stability": stability, "event_width": width}
 
 
 def _first_cells(system: ClockSystem) -> int:
     """Cells of the first graph for widths: as many as leave it of a moderate size."""
-    cells = _FOR_WIDTH[0]
+    cells = _FOR_WIDTH
     while cells > 1 and width_graph(system, cells, _FIRST_NODES) is None:
         cells //= 2
     return cells
@@ -85,20 +85,20 @@ def _uncertain_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> N
     if len(gains.events) > 1:
         return {}
     if not turns(gains):
-        system = UncertainAdditiveSystem(gains)
-        return (
-            {} if system.reason_against() else _certificate(system, width_graph, _FOR_WIDTH, budget)
-        )
+        additive = UncertainAdditiveSystem(gains)
+        if additive.reason_against():
+            return {}
+        return _certificate(additive, width_graph, _FOR_UNCERTAIN_WIDTH, budget)
     if UncertainGeneralSystem(gains).reason_against():
         return {}
     size = SizeSystem(gains)
-    sizes = _certificate(size, width_graph, _FOR_WIDTH, budget)
+    sizes = _certificate(size, width_graph, _FOR_UNCERTAIN_WIDTH, budget)
     nodes = width_graph(size, sizes["cells"]) if "tube" in sizes else None
     if nodes is None:
         return sizes
     largest = np.max([sizes["tube"][mark.node] for mark in nodes.marks], axis=0)
     general = UncertainGeneralSystem(gains, tuple(largest.tolist()))
-    own = _certificate(general, width_graph, _FOR_WIDTH, budget)
+    own = _certificate(general, width_graph, _FOR_UNCERTAIN_WIDTH, budget)
     return own if "tube" not in own else {**own, "sizes": sizes}
 
 
@@ -123,7 +123,7 @@ def _certificate(
         if budget.remaining() < 0:
             return budget.ended()
         cells *= 2
-    return {} if most == ends[0] else ended_by_count("cells", cells // 2)
+    return ended_by_count("cells", cells // 2) if system.gains.events else {}
 
 
 def _added(graph: Graph) -> Matrix:

@@ -62,6 +62,17 @@ def test_a_rise_and_fall_between_the_ends_is_not_overlooked() -> None:
             assert verdict.outcome == outcome
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_range_of_floats_is_reached_to_its_last_one(seed: int) -> None:
+    """Rounded, low + (high - low) may be below high: a step of an ulp is left, a step like any."""
+    rng = np.random.default_rng(seed)
+    while not (high := rng.uniform(0, 0.1)) > (low := rng.uniform(0, high)) + (high - low):
+        pass
+    end = math.exp(high)
+    assert below([[1.0]], [0.0], [1.0], [1.01 * end], low, high) == "proved"
+    assert below([[1.0]], [0.0], [1.0], [0.999 * end], low, high) == "undecided"
+
+
 @pytest.mark.parametrize("place", ["W", "f", "start", "X"])
 def test_a_system_that_is_not_positive_is_undecided(place: str) -> None:
     parts = {"W": np.array([[-1.0, 0.1], [0.1, -1.0]]), "f": np.ones(2), "start": np.ones(2),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,9 @@ import numpy as np
 import pytest
 
 import obsdesign
+from lmi.find.graph_tube import input_sizes, proposed_tubes
 from obsdesign import workflow
+from obsdesign.analysis.interval.event_graph import width_graph
 from obsdesign.data.simulation import simulate
 from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
@@ -24,6 +27,7 @@ from tests.systems.event_widths import (
     oral_doses,
     positioning,
     shortest,
+    system_of,
     two_states,
 )
 
@@ -83,13 +87,74 @@ def test_widths_of_two_sensors_without_events(
     assert (always <= np.array(most)).all()
 
 
+def widths_of_a_tube(body: dict[str, Any], cells: int) -> Any:
+    """The largest widths of the first tube that floats propose, not proved."""
+    system = system_of(body)
+    nodes = width_graph(system, cells)
+    assert nodes is not None
+    tube = next(proposed_tubes(nodes.graph, 1e-7 * input_sizes(nodes.graph)))
+    return tube[list(nodes.always)].max(axis=0)
+
+
 def test_widths_between_samples_are_those_of_their_ages() -> None:
     """Plasma and tissue: between simulated and published; tissue follows slowly."""
-    width = claims_of(oral_doses(2))["event_width"]
+    width = claims_of(oral_doses(6))["event_width"]
     assert width.verdict == "proved"
     always = np.array(width.evidence["always"])[4:]
-    assert (always >= (6.2, 4.88)).all()
-    assert (always <= (7.251, 7.687)).all()
+    assert (always >= (8.7, 4.88)).all()
+    assert (always <= (9.65, 11.66)).all()
+
+
+@pytest.mark.parametrize(("gap", "cells", "simulated", "most"), [
+    (0.5, 8, (2.79, 0), (2.877, 2.645)), (2, 8, (6.2, 4.88), (7.061, 6.216)),
+    (2, 16, (6.2, 4.88), (6.847, 5.863)),
+])  # fmt: skip
+def test_widths_of_ticks(gap: float, cells: int, simulated: Any, most: Any) -> None:
+    always = widths_of_a_tube(oral_doses(gap), cells)[4:]
+    assert (np.array(simulated) <= always).all()
+    assert (always <= np.array(most)).all()
+
+
+# a rise and fall between samples in which 16 cells had longer ticks than 8, of other lengths
+DRAINED: dict[str, Any] = {
+    "flow": {
+        "A": [[-0.96, 0.18], [0.67, -0.6]],
+        "disturbance": {"lower": [-0.01, -0.01], "upper": [0.01, 0.01]},
+    },
+    "event": [
+        {"name": "drain", "G": [[0.72, -0.09], [0.24, 0.7]], "every": [1.573, 2.084],
+         "disturbance": {"lower": [-1, -1], "upper": [1, 1]}},
+    ],
+    "sensor": [{"name": "s", "C": [[1, 0]], "noise_bound": 0.01, "every": [0, 0.7265]}],
+    "observer": {"kind": "interval"},
+}  # fmt: skip
+
+
+# events that widen as much as samples narrow: the fixed point takes more than 25 rounds
+WIDENED: dict[str, Any] = {
+    "flow": {
+        "A": [[-0.778, 0.503, 0.328], [0.368, -2.14, 0.222], [-0.675, 0.894, -1.03]],
+        "disturbance": {"lower": [-0.723, -0.825, -0.316], "upper": [0.723, 0.825, 0.316]},
+    },
+    "event": [
+        {"name": "e", "every": [1.14, 1.24],
+         "G": [[1.56, 0.00247, 0.0322], [-0.267, 1.28, 0.175], [0.163, 0.0613, 1.33]],
+         "disturbance": {"lower": [-1, -1, -1], "upper": [1, 1, 1]}},
+    ],
+    "sensor": [{"name": "s", "C": [[0, 0, 1]], "noise_bound": 0.01, "every": [0, 1.01]}],
+    "observer": {"kind": "interval"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "cells"), [
+    (DRAINED, (4, 8, 16)), (doses(2), (2, 4, 8, 16)), (doses(6), (4, 8, 16)), (WIDENED, (8, 16)),
+    (two_states((2, 3), 0.37), (2, 4, 8, 16)), (two_states((1, 1.5), 0.2), (4, 8, 16)),
+])  # fmt: skip
+def test_more_cells_never_give_the_wider_width(body: dict[str, Any], cells: Any) -> None:
+    """Ticks are there for all of them, and those of more cells divide those of fewer."""
+    widths = [widths_of_a_tube(body, count) for count in cells]
+    for coarse, fine in itertools.pairwise(widths):
+        assert (fine <= coarse * (1 + 1e-4)).all()
 
 
 @pytest.mark.parametrize("body", [two_states((2, 3), 0.5), doses(2), motor(0.03, 0.15)])
