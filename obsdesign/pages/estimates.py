@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,6 @@ import numpy as np
 
 from lmi.arithmetic.arrays import NewEntries
 from obsdesign import workflow
-from obsdesign.data.csv_lines import read_columns
 from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
 from obsdesign.data.simulation import simulate
@@ -32,9 +30,6 @@ from obsdesign.studies.error_bounds import error_bounds
 
 # processor time for an interval observer to compare set-membership bounds with
 _INTERVAL_SECONDS = 4.0
-_OTHER_MEANING = (
-    "columns {} are bounds of w for kind set_membership and of b or c for kind interval"
-)
 
 
 @dataclass(frozen=True)
@@ -45,23 +40,16 @@ class DataSource:
     initial: Sequence[float] | None = None
 
 
-def design_beside(design: Design, path: str | None, data: str | None = None) -> Design | None:
+def design_beside(design: Design, path: str | None) -> Design | None:
     """The design whose bounds are drawn beside those of another; None where there is none.
 
     path: its file, proved again; without one, kind set_membership is compared with the interval
-    observer of the same plant, where one is proved. data: the file that both are run on. InputError
-    for a design of another plant, without bounds, not proved, or that reads the data otherwise.
+    observer of the same plant, where one is proved. InputError for a design of another plant,
+    without bounds, or not proved.
     """
-    titles = _ambiguous_columns(design, data)
     if path is not None:
-        other = _stated(design, path)
-        if titles and other.kind != design.kind:
-            words = _OTHER_MEANING.format(", ".join(titles))
-            raise InputError(
-                f"{data}: data without bounds of rows are required by --beside; {words}."
-            )
-        return other
-    if design.kind != "set_membership" or titles:
+        return _stated(design, path)
+    if design.kind != "set_membership":
         return None
     try:
         problem = Problem.from_dict(design.problem).for_kind("interval")[0]
@@ -85,15 +73,6 @@ def _stated(design: Design, path: str) -> Design:
     if verdict != "proved":
         raise InputError(f"{path}: a proved design is required; its verdict is {verdict}.")
     return other
-
-
-def _ambiguous_columns(design: Design, data: str | None) -> list[str]:
-    """Columns of bounds whose meaning depends on the kind, for a plant with disturbance_matrix."""
-    plant = Problem.from_dict(design.problem).plant
-    blocks = {"b": plant.flow, "c": plant.events[0] if len(plant.events) == 1 else None}
-    letters = [x for x, block in blocks.items() if block and block.disturbance_matrix is not None]
-    titles = [] if data is None or not letters else list(read_columns(data))
-    return [title for title in titles if re.fullmatch(rf"[{''.join(letters)}]\d+_(lo|hi)", title)]
 
 
 def _plant(design: Design) -> NewEntries:
@@ -135,7 +114,10 @@ def estimate_of(
     title = "On a simulation" if data.path is None else "On data"
     caption = _caption(tally, data.path)
     if beside is None and design.kind == "set_membership":
-        caption += _why_alone(design, data.path)
+        caption += (
+            " No interval observer of this plant, to be drawn beside, was proved within "
+            f"{_INTERVAL_SECONDS:g} s."
+        )
     entries = {"title": title, "image": inline(svg), "caption": caption}
     return {**entries, "beside": rows, "bounds": bounds}
 
@@ -186,17 +168,6 @@ def _draw(design: Design, estimates: str, source: str, picture: str, other: str 
 def _caption(tally: Tally, data: str | None) -> str:
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
     return f"{tally.rows} rows {origin}: {tally}."
-
-
-def _why_alone(design: Design, data: str | None) -> str:
-    """Why no interval observer stands beside set-membership bounds."""
-    if titles := _ambiguous_columns(design, data):
-        words = _OTHER_MEANING.format(", ".join(titles))
-        return f" No interval observer is drawn beside: {words}."
-    return (
-        " No interval observer of this plant, to be drawn beside, was proved within "
-        f"{_INTERVAL_SECONDS:g} s."
-    )
 
 
 def _bounds(design: Design, record: ComparisonRecord, estimate: Table) -> NewEntries | None:

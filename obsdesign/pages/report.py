@@ -56,13 +56,13 @@ def write_report(
     on it.
     """
     design = load_design(path)
-    other = None if beside is None else design_beside(design, beside, data.path)
+    other = None if beside is None else design_beside(design, beside)
     started = time.perf_counter()
     outcome = workflow.verify(design)
     seconds = time.perf_counter() - started
     if outcome.verdict != "refuted":
         proved_again = replace(design, claims=outcome.claims)
-        other = design_beside(design, None, data.path) if other is None else other
+        other = design_beside(design, None) if other is None else other
         estimate = estimate_of(proved_again, path, data, other)
         write_text(output, page(design, outcome, seconds, estimate))
     return outcome

@@ -84,10 +84,10 @@ def observer_model(gains: IntervalGains) -> Model:
     S_inverse = None if gains.S is None else inverse(gains.S)
     A, C, L = (exactly(matrix) for matrix in (gains.A, gains.C, gains.L))
     b_columns, c_columns = shapes(gains)
-    _, *b_bounds = gains.declared_disturbance
-    _, *c_bounds = gains.declared_disturbance if gains.G is None else gains.jump_disturbance
-    b_mid, b_rad = midpoint(*b_bounds)
-    c_mid, c_rad = midpoint(*c_bounds)
+    b_mid, b_rad = midpoint(*gains.declared_disturbance[1:])
+    c_mid = c_rad = np.zeros(gains.n)
+    if gains.G is not None:
+        c_mid, c_rad = midpoint(*gains.jump_disturbance[1:])
     y_mid = np.zeros(gains.p) if gains.noise_centre is None else gains.noise_centre
     plant = Model(
         A=A, C=C, L=L, inputs=_known(gains.B, b_columns, b_mid), b_rad=b_rad,

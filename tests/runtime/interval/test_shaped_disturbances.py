@@ -13,6 +13,7 @@ import obsdesign
 from obsdesign.document import Design
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.runtime import Sample
+from obsdesign.runtime.bounds import Bounds
 from obsdesign.runtime.interval.observer import IntervalObserver
 from tests.systems.set_membership import flow_integral
 
@@ -126,6 +127,26 @@ def test_a_smaller_disturbance_in_a_design_is_refuted(name: str, value: Any) -> 
     forged = replace(design, gains={**design.gains, name: np.array(value, dtype=float)})
     first = obsdesign.verify(forged).claims[0]
     assert (first.id, first.verdict) == ("consistent", "refuted")
+
+
+def test_bounds_of_rows_are_those_of_w() -> None:
+    """Known w = 0.5 with and without jumps in the plant: inside, and narrower than declared."""
+    A, columns, _ = DIRECTIONS[0]
+    for more in ({}, {"jump": JUMPS}):
+        observer = IntervalObserver.from_gains(
+            designed(problem(A, columns, "disturbance_matrix", **more)).gains
+        )
+        state = declared = observer.init(lower=[-1.0, -1.0], upper=[1.0, 1.0])
+        x, (flow, integral) = np.zeros(2), flow_integral(np.array(A), 0.5)
+        for k in range(1, 9):
+            own = Bounds(b=([0.5], [0.5]))
+            state, estimate = observer.step(state, Sample(0.5 * k, y=x[:1], bounds=own))
+            declared, wider = observer.step(declared, Sample(0.5 * k, y=x[:1]))
+            x = flow @ x + integral @ (0.5 * np.array(columns)[:, 0]) if k > 1 else x
+            if k > 1:
+                assert (estimate.lower <= x).all()
+                assert (x <= estimate.upper).all()
+        assert (estimate.upper - estimate.lower < wider.upper - wider.lower).all()
 
 
 @pytest.mark.parametrize("scale", [2.0**20, 2.0**-20])

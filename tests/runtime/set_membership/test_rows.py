@@ -130,8 +130,6 @@ def test_a_structured_disturbance_is_narrower_than_its_box_and_intervals_accept_
     interval = problem.for_kind("interval")[0]
     estimates = _boxes(_estimates(interval, samples))
     assert _contain(estimates, truth)
-    same = Problem.from_dict(PLANT | boxed).for_kind("interval")[0]
-    assert np.allclose(estimates, _boxes(_estimates(same, samples)), rtol=1e-12)
 
 
 def test_bounds_of_rows_narrow_and_the_state_stays_inside() -> None:
