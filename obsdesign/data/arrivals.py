@@ -32,28 +32,33 @@ class Arrivals:
     needs_all: bool = False
 
     def in_order(
-        self, samples: Iterator[Sample], name: str, skip: Remark | None, *, has_stamps: bool
+        self,
+        lines: Iterable[tuple[int, Sample]],
+        name: str,
+        skip: Remark | None,
+        *,
+        has_stamps: bool,
     ) -> Iterator[Sample]:
         """Rows in the order of time, each once none before it can come; the others stay.
 
-        has_stamps: is there a column `received`? Without it rows arrive in the order of lines.
-        skip: called with a sentence for a second row of one time, where rows may not share it;
-        without it that is an InputError, and so is a first part of which every row comes too late.
+        lines: their numbers and samples. has_stamps: is there a column `received`? Without it rows
+        arrive in the order of lines. skip: called with a sentence for a second row of one time,
+        where rows may not share it, or of a time between two steps; without it that is an
+        InputError, and so is a first part of which every row comes too late.
         InputError for a row that comes too late, or skip, where none may be left out.
         """
         if self.needs_all and skip is not None:
             raise InputError(f"{name}: --skip-bad is not available: {_SILENCE}.")
         delays, taken = list[float](), 0
-        listed: Iterable[tuple[int, Sample]] = enumerate(samples)
         if has_stamps and not self.is_stream:
-            listed = sorted(listed, key=lambda row: received(row[1]))
-        for rank, sample in listed:
+            lines = sorted(lines, key=lambda row: received(row[1]))
+        for number, sample in lines:
             try:
-                arrival = self.buffer.insert(sample, rank)
+                arrival = self.buffer.insert(sample, number)
             except ValueError as error:
                 if skip is None:
-                    raise InputError(f"{name}: {error}") from None
-                skip(f"{name}: {error} The later one is skipped.")
+                    raise InputError(f"{name} line {number}: {error}") from None
+                skip(f"{name} line {number}: {error} Line {number} is skipped.")
                 continue
             if arrival is None and self.needs_all:
                 raise InputError(f"{name}: {self.buffer.reason_against(sample)[:-1]}: {_SILENCE}.")

@@ -40,7 +40,7 @@ def arrivals_of(
     waiting = [row.sample for row in stored.late]
     buffer = LateRows(
         layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now,
-        errors=() if layout.clocks is None else layout.clocks.errors,
+        before=stored.t, dt=layout.dt, errors=() if layout.clocks is None else layout.clocks.errors,
     )  # fmt: skip
     needs_all = layout.clocks is not None and layout.clocks.needs_every_row
     return Arrivals(buffer, remark, is_stream, watch, is_first, needs_all)

@@ -56,18 +56,19 @@ def read_samples(
         header = replace(header, bounds=header.bounds.where_lines_are_skipped(name, remark))
     header.remark_on_unused(remark)
     if not header.may_be_late:
-        yield from _rows(lines, header, after, skip)
-    elif arrivals is None:
-        yield from sorted(_rows(lines, header, -math.inf, skip), key=lambda sample: sample.t)
+        yield from (sample for _, sample in _rows(lines, header, after, skip))
+        return
+    rows = _rows(lines, header, -math.inf, skip)
+    if arrivals is None:
+        yield from sorted((sample for _, sample in rows), key=lambda sample: sample.t)
     else:
-        rows = _rows(lines, header, -math.inf, skip)
         yield from arrivals.in_order(rows, name, skip, has_stamps=RECEIVED in header.places)
 
 
 def _rows(
     lines: Iterator[tuple[int, str]], header: _Header, after: float, skip: Remark | None
-) -> Iterator[Sample]:
-    """Samples of the lines behind a header, as they stand there."""
+) -> Iterator[tuple[int, Sample]]:
+    """Numbers of the lines behind a header, and their samples, as they stand there."""
     previous, rows = after, 0
     for number, line in lines:
         where = f"{header.name} line {number}"
@@ -82,7 +83,7 @@ def _rows(
             skip(f"{error} Line {number} is skipped.")
             continue
         previous, rows = -math.inf if header.may_be_late else sample.t, rows + 1
-        yield sample
+        yield number, sample
     if not rows:
         raise InputError(
             f"{header.name}: at least one row of data is required; there is only a header."

@@ -7,6 +7,7 @@ what rows in the order of time give, whatever the kind of observer.
 
 from __future__ import annotations
 
+import itertools
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 from obsdesign.runtime.announced import first_changed, with_events_ahead
 from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
+from obsdesign.runtime.clocks.time_grid import steps_to_row
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.status import with_reasons
 
@@ -56,16 +58,18 @@ class LateRows:
     """Rows of the last `lag` in the order of time; rows of one time in the order of the file.
 
     lag: longest time between a row and its arrival, or the stamp of an event that may come before
-    it; may_repeat: rows may share a time; now: time of the last arrival so far; errors: of the time
-    stamps of events. `samples` are the rows that a later arrival may still change.
+    it; may_repeat: rows may share a time; now: time of the last arrival so far; before: that of the
+    row before the buffer; errors: of the time stamps of events; dt: step of discrete time.
+    `samples` are the rows that a later arrival may still change.
     """
 
     def __init__(
         self, lag: float, *, may_repeat: bool = True, samples: Sequence[Sample] = (),
-        now: float = -math.inf, errors: Sequence[float] = (),
+        now: float = -math.inf, before: float = -math.inf, errors: Sequence[float] = (),
+        dt: float | None = None,
     ) -> None:  # fmt: skip
         self.lag, self.now, self._may_repeat, self._errors = lag, now, may_repeat, errors
-        self._now_before = now
+        self._now_before, self._before, self._dt = now, before, dt
         self._rows = [_Row(x.t, k - len(samples), x) for k, x in enumerate(samples)]
 
     @property
@@ -77,20 +81,32 @@ class LateRows:
         """Put a row in its place; None if it is older than the buffer.
 
         rank: its place in the order of the file. ValueError for a second row of one time where rows
-        may not share it.
+        may not share it, and for a time between two steps.
         """
         self._now_before, self.now = self.now, max(self.now, received(sample))
         if self._is_settled(sample.t):
             return None
         place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
         self._rows.insert(place, _Row(sample.t, rank, sample))
-        neighbours = [row.t for row in self._rows[max(place - 1, 0) : place + 2]]
-        if not self._may_repeat and neighbours.count(sample.t) > 1:
+        try:
+            self._check_times(place)
+        except ValueError:
             self.withdraw(place)
-            raise ValueError(f"t must differ from row to row; {sample.t!r} stands twice.")
+            raise
         changed = first_changed(sample, self._errors)
         since = bisect_left(self._rows, changed, hi=place, key=lambda row: row.t)
         return Arrival(self.samples, place, self._leaving, since)
+
+    def _check_times(self, place: int) -> None:
+        """ValueError unless a row may stand between the one before and the one behind it."""
+        times = [self._before, *(row.t for row in self._rows)][place : place + 3]
+        for earlier, later in itertools.pairwise(times):
+            if earlier == -math.inf:
+                continue
+            if self._dt is not None:
+                steps_to_row(earlier, later, self._dt, started=True)
+            elif earlier == later and not self._may_repeat:
+                raise ValueError(f"t must differ from row to row; {later!r} stands twice.")
 
     def withdraw(self, place: int) -> None:
         """Take the last row to arrive out again: it has never come."""
@@ -100,6 +116,8 @@ class LateRows:
     def settled(self) -> list[Sample]:
         """Take out the rows that no other can precede any more."""
         count, samples = self._leaving, self.samples
+        if count:
+            self._before = self._rows[count - 1].t
         self._rows = self._rows[count:]
         return list(samples[:count])
 
