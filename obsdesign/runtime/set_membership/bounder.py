@@ -14,6 +14,11 @@ from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import TINY, UNIT
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.runtime.set_membership.condensed import condensed
+from obsdesign.runtime.set_membership.contradictions import (
+    excluding_samples,
+    samples_with_multipliers,
+    without_negligible,
+)
 from obsdesign.runtime.set_membership.evaluation import upper_bounds
 from obsdesign.runtime.set_membership.model import Model
 from obsdesign.runtime.set_membership.proposals import propose
@@ -28,8 +33,6 @@ from obsdesign.runtime.set_membership.stages import (
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape, intersection, strip_cut
 
-# part of the largest multiplier below which a sample is not named in a contradiction
-_NEGLIGIBLE_MULTIPLIER = 1e-3
 _NARROWER = 0.1  # what the box of a new beginning must come to, in parts of what was predicted
 
 
@@ -141,7 +144,10 @@ class Bounder:
             self.model, self.tables, tape.start, tape.stages, magnitude(tape.box)
         )  # fmt: skip
         targets, lag = self._targets(tape)
-        mu, fixed = self._proposed(window, targets), self._fixed(window)
+        proposed = self._proposed(window, targets)
+        if isinstance(proposed, Contradiction):
+            return proposed
+        mu, fixed = proposed, self._fixed(window)
         phases = self._state_targets(last, len(fixed) // (2 * n))
         upper, ends = np.split(
             upper_bounds(window, targets.with_more(phases), np.concatenate([mu, fixed])), [len(mu)]
@@ -155,7 +161,7 @@ class Bounder:
             earlier += [tape.stages[lag].box, now]
         lagged = reduce(intersection, earlier) if earlier else np.full((2, n), np.nan)
         if (box[0] > box[1]).any() or (lagged[0] > lagged[1]).any():
-            return self._contradiction(window, targets, mu, tape)
+            return self._crossed(window, targets, mu, tape)
         stage = tape.stages[-1]._replace(box=box)
         along = intersection(_box(upper[2 * n : 2 * n + 2 * self._further]), self._interval(box))
         tape = Tape(tape.start, (*tape.stages[:-1], stage), box)
@@ -168,14 +174,16 @@ class Bounder:
             return bounded
         return Contradiction((tape.stages[-1].t,))
 
-    def _proposed(self, window: Window, targets: Targets) -> Matrix:
-        program = condensed(window, targets)
-        mu = np.zeros((len(targets.rows), len(window), len(self.model.C)))
-        mu[:, program.rows[:, 0], program.rows[:, 1]] = propose(
-            (program.H, program.residual, program.V), program.objective,
-            self._opposite[: len(mu)], self.gains.steps,
-        )  # fmt: skip
-        return mu
+    def _proposed(self, window: Window, targets: Targets) -> Matrix | Contradiction:
+        """Multipliers of the targets (B, stages, p), or why there is no state to bound."""
+        program, opposite = condensed(window, targets), self._opposite[: len(targets.rows)]
+        strips = (program.H, program.residual, program.V)
+        own = propose(strips, program.objective, opposite, self.gains.steps)
+        if program.is_nearly_empty(own, opposite):
+            contradiction = excluding_samples(window, self.gains.steps)
+            if contradiction is not None:
+                return contradiction
+        return program.by_stage(own, window)
 
     def _fixed(self, window: Window) -> Matrix:
         """(B, stages, p): multipliers of the phases whose samples the window has, 2 n for each."""
@@ -194,23 +202,16 @@ class Bounder:
         own = mu * self.model.scales[:, None, None]
         return np.concatenate([-own, own], axis=1), np.asarray(mu.any(axis=1))
 
-    def _contradiction(
-        self, window: Window, targets: Targets, mu: Matrix, tape: Tape
-    ) -> Contradiction:
-        """The samples with multipliers that carry the contradiction, negligible ones left out."""
-        n, strips = self.model.n, window.strips
-        V = (strips[:, 1] - strips[:, 0]) / 2
+    def _crossed(self, window: Window, targets: Targets, mu: Matrix, tape: Tape) -> Contradiction:
+        """The samples with multipliers that carry crossed bounds, negligible ones left out."""
+        n = self.model.n
         state = Targets(targets.rows[: 2 * n], targets.places[: 2 * n])
         own = mu[: 2 * n]
-        weight = (np.abs(own) * (V + TINY)).sum(axis=2)
-        largest = weight.max(axis=1, initial=0.0)[:, None]
-        kept = np.where((weight > _NEGLIGIBLE_MULTIPLIER * largest)[..., None], own, 0.0)
-        for chosen in (kept, own):
+        for chosen in (without_negligible(window, own), own):
             box = intersection(tape.box, _box(upper_bounds(window, state, chosen)))
             crossed = np.flatnonzero(box[0] > box[1])
             if crossed.size:
-                named = np.flatnonzero(chosen[[crossed[0], crossed[0] + n]].any(axis=(0, 2)))
-                return Contradiction(tuple(tape.stages[k].t for k in named))
+                return samples_with_multipliers(window, chosen[[crossed[0], crossed[0] + n]])
         return Contradiction(tape.sampled)
 
     @cached_property

@@ -3,7 +3,9 @@
     z_k = centre_k + Z_k xi,  |xi| <= 1,      y_k - v in a strip:  |residual - H xi| <= V
 
 The unknowns are the start box, then generators of every stage, which contain what its disturbance
-may add. Nothing certified rests on these numbers: multipliers are proposed with them.
+may add. A second program has disturbances that are constant on the pieces of a step: its set is
+part of the feasible one. Nothing certified rests on these numbers: multipliers are proposed with
+them.
 """
 
 from __future__ import annotations
@@ -18,12 +20,18 @@ from obsdesign.runtime.set_membership.stages import Targets, Window
 
 # what generators may grow by to contain the box beside them
 _LONGEST = 0.25
+# widths, in parts of what the generators exceed along them, below which emptiness is searched
+_NEARLY_EMPTY = 4.0
+
+# (generators (n, columns), the part of each that a constant disturbance may lack) of a stage
+Generated = tuple[Matrix, Matrix]
 
 
 class Condensed(NamedTuple):
     """H (M, R), residual and V (M,): the strips; objective (B, R): Z'l at each place.
 
-    rows (M, 2): stage and output of each strip.
+    rows (M, 2): stage and output of each strip. excess (R,): the part of each generator by which
+    it may exceed what disturbances add.
     """
 
     H: Matrix
@@ -31,13 +39,41 @@ class Condensed(NamedTuple):
     V: Matrix
     objective: Matrix
     rows: Indices
+    excess: Matrix
+
+    def by_stage(self, mu: Matrix, window: Window) -> Matrix:
+        """Multipliers (B, stages, p) of a window from those of its strips, mu (B, M)."""
+        placed = np.zeros((len(mu), len(window), len(window.C)))
+        placed[:, self.rows[:, 0], self.rows[:, 1]] = mu
+        return placed
+
+    def is_nearly_empty(self, mu: Matrix, opposite: Indices) -> bool:
+        """Is a width by multipliers mu (B, M) no more than some times what generators exceed?
+
+        The width over a smaller set is smaller by that excess at least: it is concave in the radii.
+        opposite (B,): where the same bound from below is.
+        """
+        reach = np.abs(self.objective - mu @ self.H)
+        upper = reach.sum(axis=1) + mu @ self.residual + np.abs(mu) @ self.V
+        less = upper - _NEARLY_EMPTY * (reach @ self.excess)
+        return bool((less + less[opposite] < 0.0).any())
 
 
 def condensed(window: Window, targets: Targets) -> Condensed:
-    """The linear program of a window."""
+    """The linear program of a window; its set contains the feasible one."""
+    return _program(window, targets, _containing(window))
+
+
+def constant_on_pieces(window: Window) -> Condensed:
+    """The program, without objectives, of disturbances that are constant on each piece."""
+    n = window.drift.shape[1]
+    none = Targets(np.zeros((0, n)), np.zeros(0, dtype=int))
+    return _program(window, none, _constant(window))
+
+
+def _program(window: Window, targets: Targets, generators: list[Generated]) -> Condensed:
     T, n = window.drift.shape
-    blocks, counts = _generators(window)
-    ends = np.cumsum([1 + n, *counts])
+    ends = np.cumsum([1 + n, *(block.shape[1] for block, _ in generators)])
     # the middle of the state is the first column
     Z = np.zeros((n, ends[-1]))
     Z[:, 0] = 0.5 * window.start[0] + 0.5 * window.start[1]
@@ -48,7 +84,7 @@ def condensed(window: Window, targets: Targets) -> Condensed:
     if -1 in kept:
         chosen = targets.places == -1
         objective[chosen] = targets.rows[chosen] @ Z
-    for k, block in enumerate(blocks):
+    for k, (block, _) in enumerate(generators):
         used, end = ends[k], ends[k + 1]
         Z[:, :used] = window.Phi[k] @ Z[:, :used]
         Z[:, 0] += window.drift[k]
@@ -64,28 +100,39 @@ def condensed(window: Window, targets: Targets) -> Condensed:
     residual = 0.5 * low + 0.5 * high - H[:, 0]
     H = H[:, 1:]
     used_columns = np.flatnonzero(np.abs(H).max(axis=0, initial=0.0) > TINY)
+    excess = np.concatenate([np.zeros(n), *(part for _, part in generators)])
     return Condensed(
-        H[:, used_columns], residual, 0.5 * (high - low), objective[:, used_columns], rows
-    )
+        H[:, used_columns], residual, 0.5 * (high - low), objective[:, used_columns], rows,
+        excess[used_columns],
+    )  # fmt: skip
 
 
-def _generators(window: Window) -> tuple[list[Matrix], list[int]]:
-    """Generators of every stage, blocks (n, columns), then a box; their numbers of columns.
+def _constant(window: Window) -> list[Generated]:
+    """Generators of every stage: what a disturbance adds that is constant on a piece."""
+    added = window.columns[:, :, 0] * window.radius
+    blocks = (block.reshape(len(block), -1) for block in added)
+    return [(block, np.zeros(block.shape[1])) for block in blocks]
+
+
+def _containing(window: Window) -> list[Generated]:
+    """Generators of every stage that contain what its disturbance adds, then a box.
 
     The box is left out where the generators, a little longer, contain it too.
     """
-    blocks = []
+    generators = []
     for table, radius in zip(window.tables, window.radius[:, 0, 0], strict=True):
         own = radius[table.units]
         block, box = table.generators * own, table.remainder @ radius
-        n = len(block)
+        n, excess = len(block), np.zeros(block.shape[1])
         longer = None if table.cover is None else _longer(table.cover @ box, own[:n])
         if longer is not None:
             block[:, :n] *= longer
+            excess[:n] = 1.0 - 1.0 / longer
         elif box.any():
             block = np.hstack([block, np.diag(box)])
-        blocks.append(block)
-    return blocks, [block.shape[1] for block in blocks]
+            excess = np.concatenate([excess, np.ones(n)])
+        generators.append((block, excess))
+    return generators
 
 
 def _longer(needed: Matrix, radius: Matrix) -> Matrix | None:

@@ -22,6 +22,8 @@ _TO_BOUNDARY = 0.99
 _SMALLEST_NOISE = 1e-7  # of a scaled row: strips of no width keep an interior
 # duality gap, in parts of the width that the best multipliers give, at which a direction is done
 _CONVERGED = 8e-4
+# what may be missing of a scaled strip where unknowns meet all of them
+_MET = 1e-9
 _FEWEST_ENTRIES = 4000  # of H, from which on its zeros are worth leaving out
 
 
@@ -32,19 +34,38 @@ def propose(
 
     strips: H (M, R), residual, V (M,). opposite (B,): where the same bound from below is.
     """
-    H, residual, V = strips
-    M, R = H.shape
-    B = len(objective)
+    M, R = strips[0].shape
     if M == 0 or R == 0:
-        return np.zeros((B, M))
+        return np.zeros((len(objective), M))
     with np.errstate(all="ignore"):
-        rows = np.abs(H).sum(axis=1) + V + TINY
         scale = np.abs(objective).sum(axis=1)[:, None] + TINY
-        A, rho = H / rows[:, None], residual / rows
-        w = np.concatenate([np.ones(R), np.maximum(V / rows, _SMALLEST_NOISE)])
-        mu = _Iteration(A, rho, w, objective / scale).best(steps, opposite)
-        mu = mu * (scale / rows)
+        iteration, rows = _scaled(strips, objective / scale)
+        mu = iteration.best(steps, opposite) * (scale / rows)
     return np.where(np.isfinite(mu), mu, 0.0)
+
+
+def propose_contradiction(strips: tuple[Matrix, Matrix, Matrix], steps: int) -> Matrix:
+    """Multipliers (M,) with |H'mu|_1 + mu'residual + |mu|'V < 0: no unknowns meet all strips.
+
+    Zeros where there are none, or none within so many steps. By Farkas' lemma the multipliers of
+    the objective zero are of that kind, and grow without end, where the strips exclude each other.
+    """
+    M, R = strips[0].shape
+    if M == 0 or R == 0:
+        return np.zeros(M)
+    with np.errstate(all="ignore"):
+        iteration, rows = _scaled(strips, np.zeros((1, R)))
+        mu = iteration.contradiction(steps) / rows
+        mu = mu / np.abs(mu).max()
+    return np.where(np.isfinite(mu), mu, 0.0)
+
+
+def _scaled(strips: tuple[Matrix, Matrix, Matrix], g: Matrix) -> tuple[_Iteration, Matrix]:
+    """The iteration with objectives g (B, R), and what its strips are divided by (M,)."""
+    H, residual, V = strips
+    rows = np.abs(H).sum(axis=1) + V + TINY
+    w = np.concatenate([np.ones(H.shape[1]), np.maximum(V / rows, _SMALLEST_NOISE)])
+    return _Iteration(H / rows[:, None], residual / rows, w, g), rows
 
 
 class _Iteration:
@@ -85,6 +106,19 @@ class _Iteration:
                 break
             self._step(gap[is_open], missing[is_open])
         return self.best_mu
+
+    def contradiction(self, steps: int) -> Matrix:
+        """Multipliers (M,) with a negative value of the objective zero; zeros without any.
+
+        Ends where unknowns meet all strips.
+        """
+        for _ in range(steps):
+            missing = self.rho - self._product(self.z)
+            if not np.abs(missing).max() > _MET:
+                break
+            self._step(np.einsum("bik,bik->b", self.Z, self.room), missing)
+        mu: Matrix = self.best_mu[0]
+        return mu
 
     def _keep(self, is_open: NDArray[np.bool_]) -> None:
         """Go on with these directions alone."""

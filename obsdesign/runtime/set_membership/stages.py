@@ -96,7 +96,8 @@ class Window:
 
     Phi (T, n, n), drift (T, n) and their errors; columns (T, n, 3, pieces, width), spread, length
     (T, 1, 1, 1), radius (T, 1, 1, width): see `Table`. strips (T, 2, p): zeros without a sample;
-    sampled (T, p). sizes (T + 1, n): bound of |z| before the first stage and after each. C (p, n).
+    sampled (T, p); times (T,): after each stage. sizes (T + 1, n): bound of |z| before the first
+    stage and after each. C (p, n).
     """
 
     start: Matrix
@@ -111,6 +112,7 @@ class Window:
     radius: Matrix
     strips: Matrix
     sampled: NDArray[np.bool_]
+    times: Matrix
     sizes: Matrix
     C: Matrix
     tables: tuple[Table, ...]
@@ -163,8 +165,8 @@ def window_of(
         columns=columns, column_error=column_error, spread=spread,
         length=np.array([t.length for t in listed])[:, None, None, None],
         radius=np.array([s.radius for s in stages])[:, None, None, :],
-        strips=np.where(sampled[:, None], strips, 0.0), sampled=sampled, sizes=sizes, C=model.C,
-        tables=listed,
+        strips=np.where(sampled[:, None], strips, 0.0), sampled=sampled,
+        times=np.array([s.t for s in stages]), sizes=sizes, C=model.C, tables=listed,
     )  # fmt: skip
 
 
