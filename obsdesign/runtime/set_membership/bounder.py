@@ -180,7 +180,7 @@ class Bounder:
         strips = (program.H, program.residual, program.V)
         own = propose(strips, program.objective, opposite, self.gains.steps)
         if program.is_nearly_empty(own, opposite):
-            contradiction = excluding_samples(window, self.gains.steps)
+            contradiction = excluding_samples(window, program, self.gains.steps)
             if contradiction is not None:
                 return contradiction
         return program.by_stage(own, window)

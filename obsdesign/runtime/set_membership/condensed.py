@@ -3,9 +3,8 @@
     z_k = centre_k + Z_k xi,  |xi| <= 1,      y_k - v in a strip:  |residual - H xi| <= V
 
 The unknowns are the start box, then generators of every stage, which contain what its disturbance
-may add. A second program has disturbances that are constant on the pieces of a step: its set is
-part of the feasible one. Nothing certified rests on these numbers: multipliers are proposed with
-them.
+may add. A smaller program has disturbances that are constant on parts of a step. Nothing certified
+rests on these numbers: multipliers are proposed with them.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ _LONGEST = 0.25
 # widths, in parts of what the generators exceed along them, below which emptiness is searched
 _NEARLY_EMPTY = 4.0
 
-# (generators (n, columns), the part of each that a constant disturbance may lack) of a stage
+# (generators (n, columns), the part of each that constant disturbances do not reach) of a stage
 Generated = tuple[Matrix, Matrix]
 
 
@@ -31,7 +30,7 @@ class Condensed(NamedTuple):
     """H (M, R), residual and V (M,): the strips; objective (B, R): Z'l at each place.
 
     rows (M, 2): stage and output of each strip. excess (R,): the part of each generator by which
-    it may exceed what disturbances add.
+    it exceeds what disturbances add that are constant on parts of a step.
     """
 
     H: Matrix
@@ -47,6 +46,12 @@ class Condensed(NamedTuple):
         placed[:, self.rows[:, 0], self.rows[:, 1]] = mu
         return placed
 
+    @property
+    def least(self) -> tuple[Matrix, Matrix, Matrix]:
+        """H (M, R), residual, V of the smaller program, the set of which is a feasible part."""
+        kept = self.excess < 1.0
+        return self.H[:, kept] * (1.0 - self.excess[kept]), self.residual, self.V
+
     def is_nearly_empty(self, mu: Matrix, opposite: Indices) -> bool:
         """Is a width by multipliers mu (B, M) no more than some times what generators exceed?
 
@@ -61,18 +66,8 @@ class Condensed(NamedTuple):
 
 def condensed(window: Window, targets: Targets) -> Condensed:
     """The linear program of a window; its set contains the feasible one."""
-    return _program(window, targets, _containing(window))
-
-
-def constant_on_pieces(window: Window) -> Condensed:
-    """The program, without objectives, of disturbances that are constant on each piece."""
-    n = window.drift.shape[1]
-    none = Targets(np.zeros((0, n)), np.zeros(0, dtype=int))
-    return _program(window, none, _constant(window))
-
-
-def _program(window: Window, targets: Targets, generators: list[Generated]) -> Condensed:
     T, n = window.drift.shape
+    generators = _generators(window)
     ends = np.cumsum([1 + n, *(block.shape[1] for block, _ in generators)])
     # the middle of the state is the first column
     Z = np.zeros((n, ends[-1]))
@@ -107,14 +102,7 @@ def _program(window: Window, targets: Targets, generators: list[Generated]) -> C
     )  # fmt: skip
 
 
-def _constant(window: Window) -> list[Generated]:
-    """Generators of every stage: what a disturbance adds that is constant on a piece."""
-    added = window.columns[:, :, 0] * window.radius
-    blocks = (block.reshape(len(block), -1) for block in added)
-    return [(block, np.zeros(block.shape[1])) for block in blocks]
-
-
-def _containing(window: Window) -> list[Generated]:
+def _generators(window: Window) -> list[Generated]:
     """Generators of every stage that contain what its disturbance adds, then a box.
 
     The box is left out where the generators, a little longer, contain it too.

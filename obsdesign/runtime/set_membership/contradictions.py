@@ -1,7 +1,7 @@
 """Samples of a window that leave no state possible, by a certified dual sum of the objective zero.
 
 A state that meets all samples makes the sum nonnegative (Farkas' lemma). The feasible set contains
-that of disturbances which are constant on each piece of a step: multipliers that exclude this part
+that of disturbances which are constant on parts of a step: multipliers that exclude this part
 nearly always exclude the whole, and are those that are evaluated.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import TINY
-from obsdesign.runtime.set_membership.condensed import constant_on_pieces
+from obsdesign.runtime.set_membership.condensed import Condensed
 from obsdesign.runtime.set_membership.evaluation import upper_bounds
 from obsdesign.runtime.set_membership.proposals import propose_contradiction
 from obsdesign.runtime.set_membership.stages import Targets, Window
@@ -21,10 +21,9 @@ from obsdesign.runtime.set_membership.tape import Contradiction
 _NEGLIGIBLE_MULTIPLIER = 1e-3
 
 
-def excluding_samples(window: Window, steps: int) -> Contradiction | None:
+def excluding_samples(window: Window, program: Condensed, steps: int) -> Contradiction | None:
     """The samples that exclude each other; None where so many steps at most give no proof."""
-    program = constant_on_pieces(window)
-    own = propose_contradiction((program.H, program.residual, program.V), steps)
+    own = propose_contradiction(program.least, steps)
     if not own.any():
         return None
     mu = program.by_stage(own[None], window)
