@@ -17,7 +17,7 @@ from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import flow_integrals
 from obsdesign.equations.impulsive_input import features as eq
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
-from obsdesign.equations.impulsive_input.decision_rule import has_peak, threshold_for
+from obsdesign.equations.impulsive_input.evaluation_rule import has_peak, threshold_for
 from obsdesign.equations.impulsive_input.fit import fit_impulse
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent

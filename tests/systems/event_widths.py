@@ -9,7 +9,7 @@ import numpy as np
 
 from lmi.bounds.graph_tube import prove_graph
 from lmi.find.graph_tube import proposed_tubes
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.event_graph import stability_graph
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.problem.problem import Problem

@@ -18,7 +18,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import to_float
 from lmi.bounds.graph_tube import Graph, Strategy
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.mark_graph import MarkGraph
 from obsdesign.analysis.interval.passage_times import held, passage
 from obsdesign.analysis.interval.tick_graph import TickGraph

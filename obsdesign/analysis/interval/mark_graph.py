@@ -18,7 +18,7 @@ from itertools import chain, combinations
 from typing import NamedTuple
 
 from lmi.bounds.graph_tube import Graph, Passage, Strategy
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.marks import NO_TIME, Marks, Range, less, meet, parts_of
 from obsdesign.analysis.interval.passage_times import passage
 

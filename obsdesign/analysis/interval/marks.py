@@ -20,7 +20,7 @@ from itertools import permutations, product
 import numpy as np
 
 from lmi.arithmetic.balls import to_float
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 
 # (shortest, longest) of a time, the latter None where it is infinite
 Range = tuple[Fraction, Fraction | None]

@@ -17,7 +17,7 @@ import numpy as np
 
 from lmi.bounds.graph_tube import Least
 from lmi.bounds.step_tube import StepGraph
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.equations.time_grid import steps_of
 
 # nodes, and arcs, of a graph that is proved

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from lmi.bounds.graph_tube import Passage, Strategy
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.mark_graph import Node
 from obsdesign.analysis.interval.marks import NO_TIME, Range, less, meet
 from obsdesign.analysis.interval.passage_times import passage

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
 from lmi.bounds.graph_tube import Passage, Strategy
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.mark_graph import MarkGraph, Node
 from obsdesign.analysis.interval.marks import NO_TIME, Range, hull, less, meet, parts_of
 from obsdesign.analysis.interval.passage_times import held, passage

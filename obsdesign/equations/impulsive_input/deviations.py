@@ -24,7 +24,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
-from obsdesign.equations.impulsive_input.decision_rule import (
+from obsdesign.equations.impulsive_input.evaluation_rule import (
     EVALUATED_AGE_SHARE,
     evaluation_rule,
     impulse_curve,

@@ -15,8 +15,8 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
-from obsdesign.equations.impulsive_input.decision_rule import EVALUATED_AGE_SHARE
 from obsdesign.equations.impulsive_input.deviations import NoisyImpulses
+from obsdesign.equations.impulsive_input.evaluation_rule import EVALUATED_AGE_SHARE
 from obsdesign.equations.impulsive_input.features import (
     FeatureWindow,
     feature_scales,

@@ -14,7 +14,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import exponential_grid
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input.decision_rule import has_noise
+from obsdesign.equations.impulsive_input.evaluation_rule import has_noise
 from obsdesign.equations.plant import Plant
 
 _POINTS = 200

@@ -18,7 +18,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.memory import OversizeError
 from lmi.solvers import Solvers
 from lmi.time_budget import Remark
-from obsdesign.equations.impulsive_input.decision_rule import (
+from obsdesign.equations.impulsive_input.evaluation_rule import (
     evaluation_rule,
     has_noise,
     reason_against_exponents,

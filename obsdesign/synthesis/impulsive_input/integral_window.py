@@ -9,7 +9,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input.decision_rule import threshold_for
+from obsdesign.equations.impulsive_input.evaluation_rule import threshold_for
 from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.equations.impulsive_input.output_units import output_units

@@ -12,7 +12,7 @@ from lmi.bounds.step_tube import prove_steps
 from lmi.find.graph_tube import input_sizes, proposed_tubes
 from lmi.find.step_tube import proposed_step_tubes, step_input_sizes
 from lmi.time_budget import TimeBudget, ended_by_count
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.event_graph import (
     MOST_CELLS,
     MOST_NODES,
@@ -21,8 +21,8 @@ from obsdesign.analysis.interval.event_graph import (
     width_graph,
 )
 from obsdesign.analysis.interval.step_graph import step_graph
-from obsdesign.analysis.interval.uncertain_additive_system import UncertainAdditiveSystem
-from obsdesign.analysis.interval.uncertain_general_system import (
+from obsdesign.analysis.interval.uncertain_widths_additive import UncertainAdditiveSystem
+from obsdesign.analysis.interval.uncertain_widths_general import (
     SizeSystem,
     UncertainGeneralSystem,
     turns,

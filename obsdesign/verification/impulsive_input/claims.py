@@ -22,7 +22,7 @@ from obsdesign.analysis.impulsive_input.requirements import (
 from obsdesign.analysis.riccati import riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input.decision_rule import (
+from obsdesign.equations.impulsive_input.evaluation_rule import (
     reason_against_exponents,
 )
 from obsdesign.equations.impulsive_input.expectations import expectations

@@ -6,7 +6,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import exact, fixed_vector
 from obsdesign.document import Claim, Guarantee
-from obsdesign.equations.impulsive_input.decision_rule import has_noise
+from obsdesign.equations.impulsive_input.evaluation_rule import has_noise
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem

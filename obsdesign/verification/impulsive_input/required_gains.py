@@ -9,7 +9,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.impulsive_input.decision_rule import (
+from obsdesign.equations.impulsive_input.evaluation_rule import (
     evaluation_rule,
     has_noise,
     reason_against_margin,

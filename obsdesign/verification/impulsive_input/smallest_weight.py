@@ -7,7 +7,7 @@ import numpy as np
 from lmi.arithmetic.balls import PRECISIONS, ball, exact, exp_times, number, precision, to_float
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.document import Claim
-from obsdesign.equations.impulsive_input.decision_rule import impulse_curve
+from obsdesign.equations.impulsive_input.evaluation_rule import impulse_curve
 from obsdesign.equations.impulsive_input.features import (
     FeatureWindow,
     feature_scales,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lmi.verdict import Verdict
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.document import Claim
 from obsdesign.entries import is_number
 

@@ -7,7 +7,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim
 from lmi.bounds.step_tube import StepGraph, prove_steps
 from lmi.verdict import Verdict, proved, undecided
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.step_graph import step_graph
 from obsdesign.document import Claim
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains

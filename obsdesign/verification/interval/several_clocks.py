@@ -19,7 +19,7 @@ from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.graph_tube import prove_graph
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, undecided
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.event_graph import (
     MOST_CELLS,
     EventGraph,

@@ -1,7 +1,7 @@
 """The interval observer with an event at uncertain times: the width of its bounds.
 
 A tube of the width of the body on the graph of the clocks, and beside it the ranges of the curves
-of the last events (`analysis.interval.uncertain_additive_system`). Both are made from the problem.
+of the last events (`analysis.interval.uncertain_widths_additive`). Both are made from the problem.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.analysis.interval.several_clocks import reason_against_clocks
-from obsdesign.analysis.interval.uncertain_additive_system import UncertainAdditiveSystem
-from obsdesign.analysis.interval.uncertain_general_system import (
+from obsdesign.analysis.interval.uncertain_widths_additive import UncertainAdditiveSystem
+from obsdesign.analysis.interval.uncertain_widths_general import (
     SizeSystem,
     UncertainGeneralSystem,
     turns,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, quad_vec
 from scipy.linalg import expm
 
-from obsdesign.equations.impulsive_input import decision_rule, features, sampling
+from obsdesign.equations.impulsive_input import evaluation_rule, features, sampling
 
 TAU, EXPONENTS = 1.5, np.array([-2.0, 0.0, 0.7])
 D = np.array([[-0.5, 1.0], [-2.0, -0.8]])
@@ -137,7 +137,7 @@ def test_what_is_rounded_down_has_three_digits_and_stays(value: float) -> None:
 
 
 def test_exponents_that_binary64_cannot_execute() -> None:
-    reason = decision_rule.reason_against_exponents
+    reason = evaluation_rule.reason_against_exponents
     assert reason(np.array([-1.0, 1.0]), 2, 1, 2.0) is None
     assert reason(np.array([-1.0, 3.0]), 2, 1, 2.0) is None
     assert "got 1. Kernels that grow faster" in reason(np.array([-1.0, 3.001]), 2, 1, 2.0)
@@ -146,26 +146,28 @@ def test_exponents_that_binary64_cannot_execute() -> None:
     )
     assert reason(np.array([-1.0, 4.0]), 2, 2, 2.0) is None  # two outputs need half of them
     assert reason(np.array([4.0]), 2, 1, 2.0) is None  # too few anyway: refused elsewhere
-    most = decision_rule.MAX_GROWTH_EXPONENT
+    most = evaluation_rule.MAX_GROWTH_EXPONENT
     assert reason(np.array([0.0, 0.0, most / 2]), 2, 1, 2.0) is None
     assert f"must be at most {most:g}; got" in reason(np.array([0.0, 0.0, most / 1.99]), 2, 1, 2.0)
-    assert decision_rule.reason_against_margin(1.0, 3.0, 0.99) is None
-    assert "observer.margin must be below 1," in decision_rule.reason_against_margin(1.0, 3.0, 1.0)
+    assert evaluation_rule.reason_against_margin(1.0, 3.0, 0.99) is None
+    assert "observer.margin must be below 1," in evaluation_rule.reason_against_margin(
+        1.0, 3.0, 1.0
+    )
 
 
 def test_one_peak_in_the_window() -> None:
     # b = s e^{-s}: one peak at 1
     F = np.array([[-1.0, 0.0], [1.0, -1.0]])
     one = np.array([[1.0]])
-    assert decision_rule.has_peak(F, one, 3.0, 0.5)
-    assert not decision_rule.has_peak(F, one, 3.0, 1.0)  # not beyond the margin
-    assert not decision_rule.has_peak(F, one, 1.1, 0.5)  # too close to the end: 1 > .9 * 1.1
-    assert decision_rule.has_peak(F, one, 1.3, 0.5)
-    assert not decision_rule.has_peak(F, one, 1.12, 0.5)  # has not fallen to .98 of it
-    assert not decision_rule.has_peak(F, np.eye(1, 2), 3.0, 0.5)  # two directions
+    assert evaluation_rule.has_peak(F, one, 3.0, 0.5)
+    assert not evaluation_rule.has_peak(F, one, 3.0, 1.0)  # not beyond the margin
+    assert not evaluation_rule.has_peak(F, one, 1.1, 0.5)  # too close to the end: 1 > .9 * 1.1
+    assert evaluation_rule.has_peak(F, one, 1.3, 0.5)
+    assert not evaluation_rule.has_peak(F, one, 1.12, 0.5)  # has not fallen to .98 of it
+    assert not evaluation_rule.has_peak(F, np.eye(1, 2), 3.0, 0.5)  # two directions
     # sin 4 s, of which the size peaks twice
     turn = np.array([[0.0, 4.0, 0], [-4.0, 0.0, 0], [4.0, 0, 0]])
-    assert not decision_rule.has_peak(turn, np.array([[1.0], [0.0]]), 2.0, 0.1)
+    assert not evaluation_rule.has_peak(turn, np.array([[1.0], [0.0]]), 2.0, 0.1)
 
 
 def test_a_threshold_is_a_share_of_the_peak() -> None:
@@ -173,10 +175,10 @@ def test_a_threshold_is_a_share_of_the_peak() -> None:
         np.array([[-1.0]]), np.array([[1.0]]), np.array([[1.0]]), exponents=np.array([-1.0]),
         tau=3.0, margin=0.5,
     )  # fmt: skip
-    threshold = decision_rule.threshold_for(window, 2.0)  # |b| = s e^{-s}
+    threshold = evaluation_rule.threshold_for(window, 2.0)  # |b| = s e^{-s}
     assert threshold == pytest.approx(2 / math.e, rel=1e-4)
     assert threshold < 2 / math.e
-    rule = decision_rule.evaluation_rule(window, noisy=True)
+    rule = evaluation_rule.evaluation_rule(window, noisy=True)
     assert rule == ("peak", pytest.approx(3.0))
 
 
@@ -185,5 +187,5 @@ def test_several_outputs_in_noise_have_no_peak() -> None:
         np.array([[-1.0]]), np.array([[1.0], [2.0]]), np.array([[1.0]]),
         exponents=np.array([-1.0]), tau=3.0, margin=0.5,
     )  # fmt: skip
-    assert decision_rule.evaluation_rule(window, noisy=False)[0] == "peak"
-    assert decision_rule.evaluation_rule(window, noisy=True)[0] == "position"
+    assert evaluation_rule.evaluation_rule(window, noisy=False)[0] == "peak"
+    assert evaluation_rule.evaluation_rule(window, noisy=True)[0] == "position"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.equations.impulsive_input.decision_rule import reason_against_exponents
+from obsdesign.equations.impulsive_input.evaluation_rule import reason_against_exponents
 from obsdesign.equations.impulsive_input.features import (
     feature_scales,
     filtered_system,

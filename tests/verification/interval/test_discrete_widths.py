@@ -12,7 +12,7 @@ import pytest
 
 import obsdesign
 from obsdesign import workflow
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.step_graph import step_graph
 from obsdesign.data.simulation import simulate
 from obsdesign.document import Claim

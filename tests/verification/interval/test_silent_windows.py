@@ -12,9 +12,9 @@ import obsdesign
 from lmi.arithmetic.balls import to_float
 from lmi.arithmetic.exponential import expm
 from lmi.bounds.graph_tube import Least
-from obsdesign.analysis.interval.uncertain_additive_system import UncertainAdditiveSystem
-from obsdesign.analysis.interval.uncertain_general_system import UncertainGeneralSystem, turns
-from obsdesign.analysis.interval.uncertain_system import UncertainSystem
+from obsdesign.analysis.interval.uncertain_widths import UncertainSystem
+from obsdesign.analysis.interval.uncertain_widths_additive import UncertainAdditiveSystem
+from obsdesign.analysis.interval.uncertain_widths_general import UncertainGeneralSystem, turns
 from obsdesign.document import Design
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.problem.problem import Problem

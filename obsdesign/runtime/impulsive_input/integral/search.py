@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
-from obsdesign.equations.impulsive_input.decision_rule import EVALUATED_AGE_SHARE
+from obsdesign.equations.impulsive_input.evaluation_rule import EVALUATED_AGE_SHARE
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 
 _SHARE = 0.5  # of the features that it must explain

@@ -20,8 +20,8 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.enclosure import Enclosure, expm, raised
 from lmi.bounds.graph_tube import Least
-from obsdesign.analysis.interval.clock_system import ClockSystem
-from obsdesign.analysis.interval.uncertain_system import CELLS, UncertainSystem, product, times
+from obsdesign.analysis.interval.clock_widths import ClockSystem
+from obsdesign.analysis.interval.uncertain_widths import CELLS, UncertainSystem, product, times
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.interval.uncertain_jump import DEGREE, MOST_CURVES, UncertainJump
 

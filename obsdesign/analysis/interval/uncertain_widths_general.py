@@ -25,8 +25,8 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, exact
 from lmi.arithmetic.enclosure import Enclosure, raised
 from lmi.bounds.graph_tube import Least
-from obsdesign.analysis.interval.clock_system import ClockSystem
-from obsdesign.analysis.interval.uncertain_system import UncertainSystem, times
+from obsdesign.analysis.interval.clock_widths import ClockSystem
+from obsdesign.analysis.interval.uncertain_widths import UncertainSystem, times
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.equations.interval.uncertain_jump import UncertainJump

@@ -16,7 +16,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import to_float
 from lmi.arithmetic.enclosure import Enclosure, expm, raised
-from obsdesign.analysis.interval.clock_system import ClockSystem
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.clocks import EventGains
 from obsdesign.equations.interval.uncertain_jump import is_short
