@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.data.instants import instants_of
 from obsdesign.data.simulation import simulate
+from obsdesign.data.simulation.rows import instants_of
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS, TAKING_CLOCKS
 from obsdesign.problem.problem import Problem

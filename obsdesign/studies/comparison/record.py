@@ -11,10 +11,10 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import TIME, numbered
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.csv_lines import read_columns
-from obsdesign.data.instants import default_until
 from obsdesign.data.layout import Layout
 from obsdesign.data.records import read_samples
 from obsdesign.data.simulation import simulate
+from obsdesign.data.simulation.rows import default_until
 from obsdesign.document import Design
 from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError

@@ -1,4 +1,4 @@
-"""Jump instants of a simulation: given dwell times, the shortest one, or random ones."""
+"""Times between events in a simulation: given dwell times, the shortest one, or random ones."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.data.discrete_times import require_steps, whole_spacings
+from obsdesign.data.simulation.discrete_times import require_steps, whole_spacings
 from obsdesign.entries import positive
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Jump

@@ -10,7 +10,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from obsdesign.column_names import BOUNDED, JUMP, SIGNALS, TIME, numbered, pairs
-from obsdesign.data.jump_times import jump_times
 from obsdesign.data.layout import Layout
 from obsdesign.data.simulation import Simulation, simulate
 from obsdesign.equations.gains import PlantGains
@@ -19,7 +18,7 @@ from obsdesign.problem.flow import Flow
 from obsdesign.problem.output import Output
 from obsdesign.problem.plant import Jump, Plant
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 ODE_TOLERANCE = 1e-8  # of the integrator that checks us; ours is exact to rounding
 
 
@@ -43,7 +42,7 @@ def test_the_flow_solves_the_differential_equation(disturbance: str) -> None:
                      rng=np.random.default_rng(7))  # fmt: skip
     assert record.t[-1] == again.t[-1] == 3.0
     u, x = record.block("u"), record.block("x")
-    from obsdesign.data.signals import signals
+    from obsdesign.data.simulation.signals import signals
 
     source = signals(still, disturbance, len(record.t), np.random.default_rng(7))
 
@@ -127,21 +126,6 @@ def test_impulses_of_unknown_weight_come_unannounced() -> None:
     assert "jump" not in record.columns
     assert record.events.shape[1] == 2
     assert len(record.events) >= 5
-
-
-def test_random_dwell_times_obey_range_and_jitter() -> None:
-    limited = plant(dwell_time=(0.5, 3.0), dwell_jitter=0.2)
-    spacing = np.diff(jump_times(limited.events[0], "random", 500.0, np.random.default_rng(1)))
-    assert spacing.min() >= 0.5 - 1e-9
-    assert spacing.max() <= 3.0 + 1e-9
-    assert np.abs(np.diff(spacing)).max() <= 0.2 + 1e-9
-    assert spacing.max() - spacing.min() > 1.0  # it does wander
-    free = np.diff(
-        jump_times(
-            plant(dwell_time=(0.5, math.inf)).events[0], "random", 500.0, np.random.default_rng(1)
-        )
-    )
-    assert free.min() >= 0.5
 
 
 @pytest.mark.parametrize(

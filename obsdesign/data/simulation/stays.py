@@ -1,4 +1,4 @@
-"""Changes of mode in a simulation: stays and successors, drawn or as short as can be."""
+"""Stays in modes and their successors in a simulation, drawn or as short as can be."""
 
 from __future__ import annotations
 

@@ -1,15 +1,12 @@
-"""Simulated changes of mode, and the column that names them."""
+"""Simulated stays in modes, and the events within them."""
 
 from __future__ import annotations
 
-import io
 import itertools
 
 import numpy as np
 import pytest
 
-from obsdesign.data.layout import Layout
-from obsdesign.data.records import read_samples
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from tests.systems.switched import random_switched, valve
@@ -46,31 +43,6 @@ def test_the_state_follows_the_flow_of_its_mode() -> None:
 def test_dwell_of_modes_is_a_word() -> None:
     with pytest.raises(InputError, match="dwell must be random or shortest for modes"):
         simulate(valve().plant, dwell=2.0)
-
-
-LAYOUT = Layout(1, modes=("open", "closed"))
-
-
-def rows(text: str) -> list[str | None]:
-    return [sample.mode for sample in read_samples(io.StringIO(text), LAYOUT, "data.csv")]
-
-
-def test_a_blank_mode_is_unchanged() -> None:
-    assert rows("t,y1,mode\n0,1,open\n1,1,\n2,1, closed\n") == ["open", None, "closed"]
-
-
-@pytest.mark.parametrize(
-    ("text", "refusal"),
-    [
-        ("t,y1\n0,1\n", "column 'mode' is required"),
-        ("t,y1,mode\n0,1,\n", "data.csv line 2: mode is required in the first row"),
-        ("t,y1,mode\n0,1,open\n1,1,ajar\n", "data.csv line 3: mode must be one of open, closed"),
-    ],
-)
-def test_modes_that_are_none_are_refused(text: str, refusal: str) -> None:
-    with pytest.raises(InputError) as error:
-        rows(text)
-    assert refusal in str(error.value)
 
 
 @pytest.mark.parametrize("dwell", ["random", "shortest"])

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.data.discrete_times import on_steps, require_steps
-from obsdesign.data.event_times import event_times
-from obsdesign.data.jump_times import random_spacings
-from obsdesign.data.mode_times import ModeTimes, longest_stay, mode_times
+from obsdesign.data.simulation.discrete_times import on_steps, require_steps
+from obsdesign.data.simulation.event_spacings import random_spacings
+from obsdesign.data.simulation.event_times import event_times
+from obsdesign.data.simulation.stays import ModeTimes, longest_stay, mode_times
 from obsdesign.errors import InputError
 from obsdesign.problem.clocks import Event, Every, Sensor
 from obsdesign.problem.output import Output

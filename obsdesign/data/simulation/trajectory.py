@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.column_names import MODE, TIME
-from obsdesign.data.change_senders import ChangeSenders
-from obsdesign.data.instants import (
+from obsdesign.data.simulation.change_senders import ChangeSenders
+from obsdesign.data.simulation.record_columns import record_columns
+from obsdesign.data.simulation.rows import (
     Instants,
     UncertainEvent,
     arrival_times,
@@ -26,8 +27,7 @@ from obsdesign.data.instants import (
     instants_of,
     true_times,
 )
-from obsdesign.data.record_columns import record_columns
-from obsdesign.data.signals import DISTURBANCES, Signals, signals
+from obsdesign.data.simulation.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
 from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.errors import InputError

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.data.jump_times import jump_times, spacings_of
-from obsdesign.data.mode_times import ModeTimes
+from obsdesign.data.simulation.event_spacings import jump_times, spacings_of
+from obsdesign.data.simulation.stays import ModeTimes
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Jump, Plant
 
