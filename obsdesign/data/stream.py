@@ -31,7 +31,7 @@ class Stream:
         """Begin at the time of the first row, unless rows came before."""
         if self.progress.state is None:
             state = self.observer.start(t, self.progress.initial)
-            self.progress = replace(self.progress, state=state)
+            self.progress = replace(self.progress, state=state, initial=None)
 
     def estimates(self, samples: Iterator[Sample], *, live: bool = False) -> Iterator[Estimate]:
         """Estimates, one per row; from an observer with a delay those that are decided.
@@ -121,7 +121,8 @@ def starting_progress(
     if progress is None:
         return Progress(observer.start(first.t, initial))
     if progress.state is None:
-        return replace(progress, state=observer.start(first.t, progress.initial))
+        state = observer.start(first.t, progress.initial)
+        return replace(progress, state=state, initial=None)  # as of a record in a single part
     with _of_this_design():  # do the sizes of what was stored fit the design?
         list(Stream(observer, progress).estimates(iter([first])))
     return progress

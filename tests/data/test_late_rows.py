@@ -108,6 +108,8 @@ def test_parts_are_one_record(desk: Path, cuts: tuple[int, ...]) -> None:
     ran("run", "d.json", "arrived.csv", START, "-o", "f.csv", "--provisional", "p.csv")
     assert lines == Path("f.csv").read_text().splitlines()[1:]
     assert others == Path("p.csv").read_text().splitlines()[1:]
+    ran("run", "d.json", "arrived.csv", START, "--state", "whole.json", "-o", "whole.csv")
+    assert Path("s.json").read_text() == Path("whole.json").read_text()
 
 
 def _field(place: int, value: Any) -> Any:
