@@ -25,19 +25,13 @@ from obsdesign.runtime.impulsive_input.integral.noise_level import Whitener
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from obsdesign.runtime.impulsive_input.integral.scan import Scan
 from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, smoothed
+from obsdesign.runtime.impulsive_input.significance import LEAST_DEVIATIONS, exact_floor
 from obsdesign.runtime.impulsive_input.whitening import (
     noise_deviation,
     noise_level,
     usual_size,
 )
 
-# without noise |R| must exceed this part of what the output itself leaves in it: interpolation,
-# rounding
-_EXACT_FLOOR = 1e-7
-_AFTER_FLOOR = (
-    3e-6  # and this part of what impulses before it made of it: their fitted values are added
-)
-_LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
 _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
@@ -167,12 +161,12 @@ class IntegralEngine:
             live = replace(live, covariance=P)
         is_position, position, threshold = gains.rule == "position", None, gains.threshold
         if gains.noisy:
-            rule = Rule(0.0, _NOISY_SHARE, _LEAST if is_position else threshold)
+            rule = Rule(0.0, _NOISY_SHARE, LEAST_DEVIATIONS if is_position else threshold)
             return replace(live, scan=replace(live.scan, rule=rule))
         size = float(np.linalg.norm(window.taps.T @ window.y))
         if is_position:
             position, size = self.whitener.exact_position(window)
-        floor = max(_EXACT_FLOOR * size, _AFTER_FLOOR * live.largest)
+        floor = exact_floor(size, live.largest)
         rule = Rule(floor, _EXACT_SHARE, floor if is_position else threshold)
         return replace(live, scan=replace(live.scan, rule=rule, position=position))
 

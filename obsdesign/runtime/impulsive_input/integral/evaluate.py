@@ -28,6 +28,7 @@ from obsdesign.runtime.impulsive_input.integral.cells import CellFits
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.onsets import OnsetGrid, expected
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses, WindowNoise
+from obsdesign.runtime.impulsive_input.significance import is_significant
 from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
     Weighted,
@@ -36,8 +37,6 @@ from obsdesign.runtime.impulsive_input.whitening import (
     whitening,
 )
 
-# twice the logarithm of the likelihood of an impulse against none, from which it counts in noise
-_LEAST_GAIN = 36.0
 # plain, without noise: part of R that a fit may leave at the start of a search
 _MAX_MISFIT_SHARE = 1e-3
 
@@ -142,7 +141,7 @@ class Evaluator:
         whether there is an impulse at all. at_start: only a good fit counts.
         """
         noisy, root = bool(window.spread.any()), square_root(P)
-        if noisy and not _counts(self._fitted_in_noise(window, P)[1]):
+        if noisy and not is_significant(self._fitted_in_noise(window, P)[1]):
             return None
         unit = window.spread if noisy else np.ones_like(window.spread)
         white, responses = whitening(window.taps, unit), self.responses(window)
@@ -169,7 +168,7 @@ class Evaluator:
     def weighted(self, window: Window, P: Matrix, at_start: bool) -> Decision | None:
         """Evaluate whitened features of a window; P (n, n): covariance of the error at t_o."""
         noise, impulse = self._fitted_in_noise(window, P)
-        if impulse is None or not _counts(impulse):
+        if impulse is None or not is_significant(impulse):
             return None
         R = noise.features.R
         freedom = len(R) - 1 - len(impulse.weights)
@@ -210,7 +209,7 @@ class Evaluator:
             youngest=self.gains.margin, oldest=self.oldest, nonnegative=self.nonnegative,
         )  # fmt: skip
         posterior, after = grid.posterior(fit.t), noise.covariance()
-        faint = posterior is None or posterior.gain <= _LEAST_GAIN
+        faint = not is_significant(posterior)
         if posterior is not None:
             left = grid.left_by(fit.t, fit.weights) - noise.gain @ noise.features.R
             left = left if correction is None else left + correction[-1]
@@ -260,8 +259,3 @@ class Evaluator:
             likely |= fits.likely(each)
         best = fits.best(likely)
         return impulse if best is None else replace(best, inside=impulse.inside)
-
-
-def _counts(impulse: Impulse | None) -> bool:
-    """Whether white features show an impulse."""
-    return impulse is not None and impulse.gain > _LEAST_GAIN

@@ -22,9 +22,9 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.equations.impulsive_input.evaluation_rule import EVALUATED_AGE_SHARE
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
+from obsdesign.runtime.impulsive_input.significance import LEAST_PEAK_DEVIATIONS
 
 _SHARE = 0.5  # of the features that it must explain
-_FLOOR = 8.0  # |R| must exceed this many deviations of noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class Rule:
         armed, at_start = search.armed, search.at_start
         for j in range(search.position, offset + len(values)):
             value, sigma = values[j - offset], sigmas[j - offset]
-            floor = max(self.floor, _FLOOR * sigma)
+            floor = max(self.floor, LEAST_PEAK_DEVIATIONS * sigma)
             if lowest == math.inf and not armed:  # the search begins: is it past a peak?
                 lowest = value
                 armed, at_start, highest, top = value > floor, True, value, j
@@ -96,7 +96,7 @@ class Rule:
                 at_start &= value < lowest + self.share * max(value, floor) + sigma
                 highest, top = value, top if at_start else j
             elif value < highest - self.share * highest - sigma or times[j] - times[top] > tau:
-                if highest > max(self.floor, _FLOOR * float(rows.sigmas[top])):
+                if highest > max(self.floor, LEAST_PEAK_DEVIATIONS * float(rows.sigmas[top])):
                     return Search(
                         position=j + 1, armed=True, at_start=at_start, lowest=lowest,
                         highest=highest, top=top,

@@ -50,15 +50,11 @@ from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import Cells, Fit, OnsetModel
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER, Refit
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady, SteadyInputs
+from obsdesign.runtime.impulsive_input.significance import LEAST_ADVANTAGE, least_ratio
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation, noise_level
 from obsdesign.runtime.status import status_of
 
-# twice the log-likelihood ratio from which an impulse counts, in a window of four samples; each
-# doubling of the onsets that noise may choose from adds 2 ln 2
-_LEAST_RATIO, _REFERENCE_SAMPLES = 12.0, 4
 _CLOSED_INTERVALS = 0.3  # intervals before the end of a window in which no onset is looked for
-# what a steady input must leave more than impulses do: what they must be worth against nothing
-_LEAST_ADVANTAGE = _LEAST_RATIO
 _MOST_BEFORE = 512  # rows before a window that are kept
 _AGES = 64  # of an impulse in a window, at which its states are looked at
 _LEAST_TAIL_SAMPLES = 2  # samples of an incomplete window at the end of a record
@@ -95,8 +91,7 @@ class SamplesEngine:
     @property
     def least_ratio(self) -> float:
         """Least likelihood ratio of an impulse: larger where there are more onsets to choose."""
-        samples = self.gains.window / self.gains.sample_period
-        return _LEAST_RATIO + 2 * math.log(max(samples / _REFERENCE_SAMPLES, 1.0))
+        return least_ratio(self.gains.window / self.gains.sample_period)
 
     # --- rows in, rows out ----------------------------------------------------------------------
 
@@ -255,7 +250,7 @@ class SamplesEngine:
         known, count = (*live.before, *live.rows), len(live.before)
         steady = self._followed(live, known[first + 1 : count + 1], fit.cost)
         rival = steady.long.cost(self.model.nonnegative) - steady.long.rival
-        is_ahead = rival >= _LEAST_ADVANTAGE
+        is_ahead = rival >= LEAST_ADVANTAGE
         freedom = sum(row.y is not None for row in rows) * self.gains.p - 2
         residuals = live.residuals_with(known[: first + 1]).joined(fit.cost, freedom)
         history = replace(live.history, residuals=residuals)

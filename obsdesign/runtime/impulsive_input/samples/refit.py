@@ -17,7 +17,7 @@ from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, 
 
 EARLIER = "may have come before the samples that are compared"
 _MOST_ONSETS = 4000  # of a fit
-_ONSETS = 8  # per period, to leave out cells
+_COARSE_ONSETS = 8  # per period, to leave out cells
 _NEGLIGIBLE = 1e-6  # probability of the onsets that are left out, on each side
 _LEAST_DOUBT = 1e-3  # of the posterior per period where it begins: there may be as much before it
 
@@ -68,7 +68,7 @@ def _allowed(model: OnsetModel, known: tuple[Filtered, ...], period: float) -> t
     """The first and the last onset between which all of the posterior lies."""
     begin, end = known[0].row.t, known[-1].row.t
     cells = model.window(known[0], [at.row for at in known[1:]], end)
-    fit = model.posterior(cells, _grid(model, cells, begin, end, period / _ONSETS))
+    fit = model.posterior(cells, _grid(model, cells, begin, end, period / _COARSE_ONSETS))
     p = fit.probability
     inside = np.flatnonzero(np.minimum(np.cumsum(p), np.cumsum(p[::-1])[::-1]) > _NEGLIGIBLE)
     return float(fit.grid.onsets[inside[0]]), float(fit.grid.onsets[inside[-1]])
