@@ -97,3 +97,24 @@ def test_docstrings_begin_with_one_short_line(folder: str) -> None:
         if len(line) > LONGEST_FIRST_LINE
     ]
     assert wrong == []
+
+
+def only_underscored(tree: ast.AST) -> set[str]:
+    """Constants of a file, its own or imported, beside which another is called `_` and the same."""
+    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    imported = [
+        alias for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
+    ]
+    used |= {alias.asname or alias.name for alias in imported}
+    return {name for name in used if name.isupper() and f"_{name}" in used}
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_no_two_constants_of_a_file_differ_by_an_underscore(folder: str) -> None:
+    assert [(file, own) for file, tree in trees(folder) if (own := only_underscored(tree))] == []
+
+
+def test_an_underscore_alone_is_recognised() -> None:
+    """The twin."""
+    assert only_underscored(ast.parse("from a import MOST\n_MOST = min(MOST, 3)\n")) == {"MOST"}
+    assert not only_underscored(ast.parse("from a import MOST\n_LEAST = min(MOST, 3)\n"))

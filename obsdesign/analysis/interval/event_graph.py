@@ -24,7 +24,7 @@ from obsdesign.analysis.interval.passage_times import held, passage
 from obsdesign.analysis.interval.tick_graph import TickGraph
 
 MOST_CELLS = 256
-MOST_NODES = 3000
+LARGEST_GRAPH = 3000
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class EventGraph:
 
 
 def width_graph(
-    system: ClockSystem, cells: int, most: float = MOST_NODES
+    system: ClockSystem, cells: int, most: float = LARGEST_GRAPH
 ) -> EventGraph | None:  # fmt: skip
     """The graph of widths at all times; None where it would have more than `most` nodes.
 
@@ -60,7 +60,7 @@ def width_graph(
 
 
 def stability_graph(
-    system: ClockSystem, cells: int, most: float = MOST_NODES
+    system: ClockSystem, cells: int, most: float = LARGEST_GRAPH
 ) -> EventGraph | None:  # fmt: skip
     """The graph of widths without inputs, at marks; otherwise as `width_graph`.
 

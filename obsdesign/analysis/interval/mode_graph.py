@@ -63,6 +63,11 @@ class ModeSystem:
         """Shortest time between two events of a name."""
         return Fraction(self.events[event].dwell_range[0])
 
+    @property
+    def spacing(self) -> Fraction:
+        """Least time between two events of different names."""
+        return Fraction(self.gains.spacing or 0.0)
+
     def entered(self, mode: int) -> Least:
         """What entry into a mode makes of the width."""
         own = self.widths[mode]
@@ -163,7 +168,7 @@ class _Builder:
                 if not self.system.events[event].may_happen(name):
                     continue
                 ready = (self.system.shortest(event), None)
-                apart = (Fraction(self.system.gains.spacing or 0.0), None)
+                apart = (self.system.spacing, None)
                 own = [[ready] if e == event else met(self._ages(e), apart) for e in self.events]
                 for stay, ages in product(self._stay_cells(mode), product(*own)):
                     due = {_STAY: stay, **dict(enumerate(ages))}

@@ -21,7 +21,7 @@ from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.equations.time_grid import steps_of
 
 # nodes, and arcs, of a graph that is proved
-MOST_NODES, MOST_ARCS = 2000, 40_000
+_MOST_NODES, _MOST_ARCS = 2000, 40_000
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ def step_graph(system: ClockSystem) -> StepGraph | str:
     if isinstance(clocks, str):
         return clocks
     nodes = math.prod(clock.ages for clock in clocks)
-    if nodes > MOST_NODES:
-        return f"the clocks have {nodes} states between them, more than {MOST_NODES}"
+    if nodes > _MOST_NODES:
+        return f"the clocks have {nodes} states between them, more than {_MOST_NODES}"
     places = {ages: k for k, ages in enumerate(product(*(range(c.ages) for c in clocks)))}
     kinds, arcs = dict[tuple[bool, ...], int](), list[tuple[int, int, int]]()
     for ages, source in places.items():
@@ -59,8 +59,8 @@ def step_graph(system: ClockSystem) -> StepGraph | str:
             happens = tuple(one for one, _ in choice)
             kind = kinds.setdefault(happens, len(kinds))
             arcs.append((source, kind, places[tuple(age for _, age in choice)]))
-        if len(arcs) > MOST_ARCS:
-            return f"the clocks allow more than {MOST_ARCS} different steps between them"
+        if len(arcs) > _MOST_ARCS:
+            return f"the clocks allow more than {_MOST_ARCS} different steps between them"
     stages = tuple(_stages(system, happens) for happens in kinds)
     return StepGraph(stages, np.array(arcs, dtype=np.intp), nodes, len(system.f))
 

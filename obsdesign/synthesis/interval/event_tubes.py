@@ -14,8 +14,8 @@ from lmi.find.step_tube import proposed_step_tubes, step_input_sizes
 from lmi.time_budget import TimeBudget, ended_by_count
 from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.event_graph import (
+    LARGEST_GRAPH,
     MOST_CELLS,
-    MOST_NODES,
     EventGraph,
     stability_graph,
     width_graph,
@@ -30,11 +30,11 @@ from obsdesign.analysis.interval.uncertain_widths_general import (
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 
 # parts of a sensor's longest gap, and of the shortest time between events: first and last
-_FOR_STABILITY, _FOR_UNCERTAIN_WIDTH = (1, 8), (8, 16)
-# last; the first are these too, or fewer in a graph that would have more nodes
-_FOR_WIDTH, _FIRST_NODES = 16, 400
-# nodes of any graph, but for a total that lasts
-_MOST_NODES = 800
+_CELLS_OF_STABILITY, _CELLS_OF_LATE_WIDTH = (1, 8), (8, 16)
+# last of event_width; the first are these too, or fewer where the first graph has too many nodes
+_LAST_CELLS_OF_WIDTH, _NODES_OF_FIRST_GRAPH = 16, 400
+# nodes of any graph that is searched, but for a total that lasts
+_NODES_SEARCHED = 800
 # what every entry of a tube has beside what inputs make of it, relative to that
 _ADDED, _ADDED_TO_STEPS = 1e-7, 1e-11
 
@@ -46,18 +46,17 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
     if any(event.time_error is not None for event in gains.events):
         return {"late_width": _uncertain_certificate(gains, budget)}
     system = ClockSystem(gains)
-    first, most = _FOR_STABILITY
-    stability = _certificate(system, stability_graph, (first, most), budget)
+    stability = _certificate(system, stability_graph, _CELLS_OF_STABILITY, budget)
     if "tube" not in stability:
         return {"event_stability": stability}
-    width = _certificate(system, width_graph, (_first_cells(system), _FOR_WIDTH), budget)
+    width = _certificate(system, width_graph, (_first_cells(system), _LAST_CELLS_OF_WIDTH), budget)
     return {"event_stability": stability, "event_width": width}
 
 
 def _first_cells(system: ClockSystem) -> int:
     """Cells of the first graph for widths: as many as leave it of a moderate size."""
-    cells = _FOR_WIDTH
-    while cells > 1 and width_graph(system, cells, _FIRST_NODES) is None:
+    cells = _LAST_CELLS_OF_WIDTH
+    while cells > 1 and width_graph(system, cells, _NODES_OF_FIRST_GRAPH) is None:
         cells //= 2
     return cells
 
@@ -88,17 +87,17 @@ def _uncertain_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> N
         additive = UncertainAdditiveSystem(gains)
         if additive.reason_against():
             return {}
-        return _certificate(additive, width_graph, _FOR_UNCERTAIN_WIDTH, budget)
+        return _certificate(additive, width_graph, _CELLS_OF_LATE_WIDTH, budget)
     if UncertainGeneralSystem(gains).reason_against():
         return {}
     size = SizeSystem(gains)
-    sizes = _certificate(size, width_graph, _FOR_UNCERTAIN_WIDTH, budget)
+    sizes = _certificate(size, width_graph, _CELLS_OF_LATE_WIDTH, budget)
     nodes = width_graph(size, sizes["cells"]) if "tube" in sizes else None
     if nodes is None:
         return sizes
     largest = np.max([sizes["tube"][mark.node] for mark in nodes.marks], axis=0)
     general = UncertainGeneralSystem(gains, tuple(largest.tolist()))
-    own = _certificate(general, width_graph, _FOR_UNCERTAIN_WIDTH, budget)
+    own = _certificate(general, width_graph, _CELLS_OF_LATE_WIDTH, budget)
     return own if "tube" not in own else {**own, "sizes": sizes}
 
 
@@ -115,7 +114,7 @@ def _certificate(
     cells, most = ends[0], int(min(budget.scaled(ends[1]), MOST_CELLS))
     if not system.gains.events:  # cells are parts of what events leave
         most = cells
-    nodes_limit = min(budget.scaled(_MOST_NODES), MOST_NODES)
+    nodes_limit = min(budget.scaled(_NODES_SEARCHED), LARGEST_GRAPH)
     while cells <= most and (nodes := graph_of(system, cells, nodes_limit)) is not None:
         for tube in proposed_tubes(nodes.graph, _added(nodes.graph), budget):
             if prove_graph(nodes.graph, tube.tolist()).outcome == "proved":

@@ -23,7 +23,7 @@ _FIRST, _LAST = 8, 16
 # what every entry of a tube has beside what inputs make of it, relative to that
 _ADDED = 1e-7
 # room above the image of a tube: that of a few nodes alone is small
-_MARGINS = (2e-6, 2e-5, *MARGINS)
+_MARGINS_OF_MODES = (2e-6, 2e-5, *MARGINS)
 
 
 def mode_certificates(
@@ -52,7 +52,7 @@ def _tube(system: ModeSystem, budget: TimeBudget, *, has_inputs: bool) -> NewEnt
         parts //= 2
     while (nodes := mode_graph(system, parts)) is not None:
         graph = nodes.graph if has_inputs else nodes.graph.without_inputs()
-        for tube in proposed_tubes(graph, _added(graph), budget, _MARGINS):
+        for tube in proposed_tubes(graph, _added(graph), budget, _MARGINS_OF_MODES):
             if prove_graph(graph, tube.tolist()).outcome == "proved":
                 return {"parts": parts, "tube": tube.tolist()}
         if budget.remaining() < 0:
