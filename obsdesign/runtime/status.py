@@ -46,6 +46,8 @@ class Reason(str):
 
 # of a row without a sample that was due
 MISSING_SAMPLE = Reason("missing sample")
+# of a row with a sample that no period ends at
+OFF_PERIOD = Reason("sample off the period is not used")
 # of a row of discrete time without an event that was due
 MISSING_EVENT = Reason("missing event")
 NOT_FINITE = Reason("estimate is not finite")

@@ -22,7 +22,7 @@ from obsdesign.runtime.clocks.time_grid import StepMaps, steps_between, steps_to
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Axes, Inputs, Past, States
-from obsdesign.runtime.status import MISSING_SAMPLE, status_of
+from obsdesign.runtime.status import MISSING_SAMPLE, OFF_PERIOD, status_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class StepWindowObserver(SteppedObserver[StepWindowState]):
         apart = steps_between(state.sampled, t, gains.step)
         if apart < gains.period_steps:
             is_off = y is not None and apart > 0
-            return state, "sample off the period is not used" if is_off else None
+            return state, OFF_PERIOD if is_off else None
         on_grid = apart % gains.period_steps == 0
         missed = apart > gains.period_steps or (on_grid and y is None)
         if missed:
@@ -133,7 +133,7 @@ class StepWindowObserver(SteppedObserver[StepWindowState]):
         if on_grid:
             state = replace(state, sampled=t)
         elif y is not None:
-            return state, "sample off the period is not used"
+            return state, OFF_PERIOD
         return state, MISSING_SAMPLE if missed and not hidden else None
 
     def _taken(self, state: StepWindowState, y: Matrix) -> StepWindowState:

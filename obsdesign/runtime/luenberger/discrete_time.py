@@ -23,7 +23,7 @@ from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Past, States
-from obsdesign.runtime.status import MISSING_SAMPLE, late_sample, status_of
+from obsdesign.runtime.status import MISSING_SAMPLE, OFF_PERIOD, late_sample, status_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class StepObserver(SteppedObserver[StepState]):
         if y is None:
             return MISSING_SAMPLE if over >= -slack else None, False
         if round(apart / gains.step) % gains.period_steps:
-            return "sample off the period is not used", False
+            return OFF_PERIOD, False
         if over > slack:
             return late_sample(apart, period), True
         return None, True
