@@ -52,6 +52,19 @@ def test_every_folder_is_on_the_map() -> None:
                 assert name in page, f"{package}/{name} is not in ARCHITECTURE.md"
 
 
+def test_the_map_names_what_the_code_has() -> None:
+    """Its last table has names of files without their folder, of functions and of constants too."""
+    table = (ROOT / "ARCHITECTURE.md").read_text("utf-8").split("## Where do I change …")[1]
+    paths = [path for layer in ("lmi", "obsdesign", "docs") for path in (ROOT / layer).rglob("*.*")]
+    files = {path.name for path in paths}
+    named = re.findall(r"`(\w+\.(?:py|json|html))`", table)
+    assert [name for name in named if name not in files] == []
+    code = "\n".join(path.read_text("utf-8") for path in paths if path.suffix == ".py")
+    words = set(re.findall(r"\w+", code))
+    assert [name for name in re.findall(r"`([\w.]+)`", table) if name not in files
+            and not set(name.split(".")) <= words] == []  # fmt: skip
+
+
 def test_every_command_has_help_and_is_documented() -> None:
     words = "\n".join(page.read_text("utf-8") for page in PAGES)
     for name, command in cli.commands.items():

@@ -1,4 +1,4 @@
-"""From when on an impulse counts: thresholds against noise, and against rounding without noise.
+"""From when on an impulse counts: thresholds against noise, and against rounding.
 
 Gains are twice the logarithm of a likelihood against none: the part of chi-squared that an impulse
 explains, a number of deviations squared.
@@ -18,8 +18,8 @@ LEAST_DEVIATIONS = 6.0
 # without noise, |R|: of what the output itself leaves in it, by interpolation and rounding, and of
 # what impulses before it made of it, since their fitted values are added
 _OF_OUTPUT, _OF_IMPULSES = 1e-7, 3e-6
-# operator `samples`: least gain of an impulse in a window of four samples; noise makes it at a given
-# onset in 5 of 1e4, and each doubling of the onsets that noise may choose from adds 2 ln 2
+# operator `samples`: least gain of an impulse in a window of four samples; at a given onset noise
+# makes it in 5 of 1e4, and each doubling of the onsets that noise may choose from adds 2 ln 2
 _LEAST_RATIO, _REFERENCE_SAMPLES = 12.0, 4
 # what a steady input must leave more than impulses do: what they must be worth against nothing
 LEAST_ADVANTAGE = _LEAST_RATIO
