@@ -1,4 +1,4 @@
-"""Samples of a window that leave no state possible, by a certified dual sum of the objective zero.
+"""Samples of a window that leave no state possible, by a dual sum of the objective zero.
 
 A state that meets all samples makes the sum nonnegative (Farkas' lemma). The feasible set contains
 that of disturbances which are constant on parts of a step: multipliers that exclude this part
