@@ -19,14 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import NewEntries
-from lmi.arithmetic.balls import (
-    PRECISIONS,
-    ball,
-    cholesky,
-    exact,
-    identity,
-    precision,
-)
+from lmi.arithmetic.balls import PRECISIONS, ball, cholesky, exact, identity, precision
 from lmi.prove.bernstein import Boxes, Normalised, prove_range
 from lmi.prove.chords import chords
 from lmi.prove.condition import Condition

@@ -14,13 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.balls import (
-    Exact,
-    Rational,
-    characteristic_polynomial,
-    nearest_float,
-    rational,
-)
+from lmi.arithmetic.balls import Exact, Rational, characteristic_polynomial, nearest_float, rational
 from lmi.arithmetic.polynomials import divided, product
 from obsdesign.problem.options import Pole
 

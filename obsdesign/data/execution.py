@@ -23,12 +23,7 @@ from obsdesign.data.late_run import (
 )
 from obsdesign.data.layout import Layout
 from obsdesign.data.records import discard, read_samples
-from obsdesign.data.stream import (
-    Stream,
-    estimates_of,
-    starting_progress,
-    stored_progress,
-)
+from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
 from obsdesign.data.tally import Tally
 from obsdesign.design_file import load_design
 from obsdesign.document import Design

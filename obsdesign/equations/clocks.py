@@ -8,18 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, NewEntries
-from obsdesign.equations.gains import (
-    flow_data,
-)
+from obsdesign.equations.gains import flow_data
 from obsdesign.equations.plant import Jump, Output, Plant
-from obsdesign.equations.stored import (
-    Stored,
-    count,
-    matrix,
-    number,
-    text,
-    word,
-)
+from obsdesign.equations.stored import Stored, count, matrix, number, text, word
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

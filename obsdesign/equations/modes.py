@@ -8,14 +8,8 @@ from typing import Generic, TypeVar
 
 from lmi.arithmetic.arrays import Array, Entries, NewEntries
 from obsdesign.equations.clocks import EventGains
-from obsdesign.equations.gains import (
-    PlantGains,
-)
-from obsdesign.equations.stored import (
-    Stored,
-    matrix,
-    text,
-)
+from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.stored import Stored, matrix, text
 
 ModeGains = TypeVar("ModeGains", bound=PlantGains)
 

@@ -7,12 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, NewEntries
-from obsdesign.equations.gains import (
-    PlantGains,
-)
-from obsdesign.equations.stored import (
-    matrix,
-)
+from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.stored import matrix
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

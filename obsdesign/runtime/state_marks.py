@@ -1,6 +1,6 @@
 """What entries of a state may hold beside finite numbers, as marks of their annotations.
 
-Read by `stored_state` alone: an array without a mark is finite, a number no NaN.
+Read by `state_checks` alone: an array without a mark is finite, a number no NaN.
 """
 
 from __future__ import annotations

@@ -10,17 +10,8 @@ import numpy as np
 import pytest
 
 from lmi.arithmetic.arrays import Array
-from obsdesign.equations.gains import (
-    Gains,
-    PlantGains,
-)
-from obsdesign.equations.stored import (
-    count,
-    flag,
-    matrix,
-    number,
-    word,
-)
+from obsdesign.equations.gains import Gains, PlantGains
+from obsdesign.equations.stored import count, flag, matrix, number, word
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,11 +16,7 @@ import obsdesign
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.prove.positive import prove_copositive
-from obsdesign.equations.interval.splits import (
-    metzler_split,
-    nonnegative_split,
-    positive_part,
-)
+from obsdesign.equations.interval.splits import metzler_split, nonnegative_split, positive_part
 from tests.papers.test_degue import (
     A1,
     G1,

@@ -14,13 +14,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Observer, Sample, rows_of
-from tests.systems.discrete_time import (
-    exact_record,
-    feasible_bounds,
-    pulsed,
-    turning,
-    two_rates,
-)
+from tests.systems.discrete_time import exact_record, feasible_bounds, pulsed, turning, two_rates
 
 KINDS = ["interval", "set_membership"]
 

@@ -25,16 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import (
-    Ball,
-    Exact,
-    entries,
-    exact,
-    exp_times,
-    identity,
-    rational,
-    scalar,
-)
+from lmi.arithmetic.balls import Ball, Exact, entries, exact, exp_times, identity, rational, scalar
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled, frobenius
 from obsdesign.equations.finite_time.rows import START
 

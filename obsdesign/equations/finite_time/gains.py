@@ -8,14 +8,8 @@ from dataclasses import dataclass
 from lmi.arithmetic.arrays import Matrix
 from lmi.memory import OversizeError
 from obsdesign.equations.finite_time.rows import END, START
-from obsdesign.equations.gains import (
-    PlantGains,
-)
-from obsdesign.equations.stored import (
-    matrix,
-    number,
-    word,
-)
+from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.stored import matrix, number, word
 
 METHODS = ("least_squares", "exact", "approximate", "minimax")
 NEED_L = ("exact", "approximate")

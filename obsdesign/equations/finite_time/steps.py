@@ -17,16 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, NewEntries
-from obsdesign.equations.gains import (
-    PlantGains,
-    plant_data,
-)
+from obsdesign.equations.gains import PlantGains, plant_data
 from obsdesign.equations.plant import Plant
-from obsdesign.equations.stored import (
-    count,
-    matrix,
-    number,
-)
+from obsdesign.equations.stored import count, matrix, number
 from obsdesign.equations.time_grid import steps_of
 
 

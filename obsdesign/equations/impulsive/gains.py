@@ -9,15 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
-from obsdesign.equations.gains import (
-    PlantGains,
-)
-from obsdesign.equations.stored import (
-    count,
-    matrix,
-    number,
-    word,
-)
+from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.stored import count, matrix, number, word
 
 LONGEST_WINDOW = 4096  # impulses
 STRATEGIES = ("full", "compressed", "subspace", "quadratic")

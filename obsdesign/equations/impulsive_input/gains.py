@@ -9,16 +9,9 @@ from typing import ClassVar, Self, TypeGuard
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
-from obsdesign.equations.gains import (
-    PlantGains,
-)
+from obsdesign.equations.gains import PlantGains
 from obsdesign.equations.plant import Plant
-from obsdesign.equations.stored import (
-    flag,
-    matrix,
-    number,
-    word,
-)
+from obsdesign.equations.stored import flag, matrix, number, word
 
 WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")

@@ -9,15 +9,9 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Value
 from obsdesign.equations.clocks import EventGains, SensorGains, clock_data
-from obsdesign.equations.gains import (
-    PlantGains,
-)
+from obsdesign.equations.gains import PlantGains
 from obsdesign.equations.plant import Plant
-from obsdesign.equations.stored import (
-    blocks,
-    matrix,
-    number,
-)
+from obsdesign.equations.stored import blocks, matrix, number
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,16 +7,10 @@ from dataclasses import dataclass
 from typing import Self
 
 from lmi.arithmetic.arrays import Array, NewEntries, Value
-from obsdesign.equations.gains import (
-    plant_data,
-)
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.plant import Plant
 from obsdesign.equations.shaped_gains import ShapedGains, shaped_entries
-from obsdesign.equations.stored import (
-    matrix,
-    number,
-    word,
-)
+from obsdesign.equations.stored import matrix, number, word
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
 

@@ -24,10 +24,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
-from obsdesign.equations.estimation_error import (
-    flow_error_matrix,
-    jump_error_matrix,
-)
+from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 
 
 def in_coordinates(X: Array, S: Array | None, S_inverse: Array | None) -> Array:

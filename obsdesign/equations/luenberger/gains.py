@@ -5,15 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lmi.arithmetic.arrays import Array, NewEntries
-from obsdesign.equations.gains import (
-    PlantGains,
-    plant_data,
-)
+from obsdesign.equations.gains import PlantGains, plant_data
 from obsdesign.equations.plant import Plant
-from obsdesign.equations.stored import (
-    matrix,
-    number,
-)
+from obsdesign.equations.stored import matrix, number
 from obsdesign.equations.time_grid import steps_of
 
 

@@ -10,14 +10,8 @@ from typing import Self
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Entries, NewEntries
-from obsdesign.equations.gains import (
-    Gains,
-)
-from obsdesign.equations.stored import (
-    count,
-    matrix,
-    word,
-)
+from obsdesign.equations.gains import Gains
+from obsdesign.equations.stored import count, matrix, word
 
 DIFFERENTIATORS = ("cell", "damped", "batch", "fixed_lag")
 # they smooth to the noise, so that its deviation is required

@@ -11,14 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lmi.arithmetic.arrays import Array, NewEntries
-from obsdesign.equations.gains import (
-    PlantGains,
-    plant_data,
-)
+from obsdesign.equations.gains import PlantGains, plant_data
 from obsdesign.equations.plant import Plant
-from obsdesign.equations.stored import (
-    matrix,
-)
+from obsdesign.equations.stored import matrix
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,15 +7,7 @@ from typing import Annotated, NamedTuple
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import Tape
-from obsdesign.runtime.state_marks import (
-    MISSING,
-    Axes,
-    Inputs,
-    Past,
-    Radii,
-    States,
-    UnboundedRadii,
-)
+from obsdesign.runtime.state_marks import MISSING, Axes, Inputs, Past, Radii, States, UnboundedRadii
 
 
 class CachedRadius(NamedTuple):

@@ -14,12 +14,7 @@ from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, l
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
-from obsdesign.runtime.finite_time.state import (
-    Filling,
-    FiniteTimeState,
-    HeldInput,
-    StateBounds,
-)
+from obsdesign.runtime.finite_time.state import Filling, FiniteTimeState, HeldInput, StateBounds
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 
 # with bounds w is replaced when it is that much larger than the estimate

@@ -54,13 +54,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, expm, inverse, powers, raised, stack
 from lmi.arithmetic.exponential import FLOW_PIECES
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.runtime.interval.model import (
-    Model,
-    completed,
-    exactly,
-    metzler_bound,
-    size,
-)
+from obsdesign.runtime.interval.model import Model, completed, exactly, metzler_bound, size
 
 
 @dataclass(frozen=True, slots=True)

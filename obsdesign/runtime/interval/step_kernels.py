@@ -17,12 +17,7 @@ from obsdesign.runtime.base import vector
 from obsdesign.runtime.boxes import BoundsFault
 from obsdesign.runtime.interval.kernel import Kernel, KernelParts, Result, crossed
 from obsdesign.runtime.interval.kernel_rows import Cuts, is_known_from_strip, kernel
-from obsdesign.runtime.interval.maps import (
-    BoxMap,
-    flow_and_jump_spread,
-    jump_maps,
-    step_maps,
-)
+from obsdesign.runtime.interval.maps import BoxMap, flow_and_jump_spread, jump_maps, step_maps
 from obsdesign.runtime.interval.model import Model, observer_model
 from obsdesign.runtime.interval.path import PathMap, around_path
 from obsdesign.runtime.interval.state import Course

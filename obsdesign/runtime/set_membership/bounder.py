@@ -23,13 +23,7 @@ from obsdesign.runtime.set_membership.evaluation import upper_bounds
 from obsdesign.runtime.set_membership.model import Model
 from obsdesign.runtime.set_membership.proposals import propose
 from obsdesign.runtime.set_membership.recovery import bounds_from_samples
-from obsdesign.runtime.set_membership.stages import (
-    Stage,
-    Targets,
-    Window,
-    magnitude,
-    window_of,
-)
+from obsdesign.runtime.set_membership.stages import Stage, Targets, Window, magnitude, window_of
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape, intersection, strip_cut
 

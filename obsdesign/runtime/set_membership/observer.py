@@ -26,12 +26,7 @@ from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.clocks.named_clocks import Kept
 from obsdesign.runtime.set_membership.bounder import Bounder, Result
 from obsdesign.runtime.set_membership.clocks import ClockedRow, Clocks
-from obsdesign.runtime.set_membership.model import (
-    Model,
-    observer_model,
-    rescaled,
-    unscaled,
-)
+from obsdesign.runtime.set_membership.model import Model, observer_model, rescaled, unscaled
 from obsdesign.runtime.set_membership.row_stages import RowStages
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables

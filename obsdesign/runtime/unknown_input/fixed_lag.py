@@ -20,13 +20,7 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.equations.unknown_input.smoothing import smoothed_window
-from obsdesign.runtime.base import (
-    Delayed,
-    Estimate,
-    Row,
-    Sample,
-    centred,
-)
+from obsdesign.runtime.base import Delayed, Estimate, Row, Sample, centred
 from obsdesign.runtime.point_observer import PointObserver
 from obsdesign.runtime.state_marks import Outputs
 from obsdesign.runtime.unknown_input.measurements import usable

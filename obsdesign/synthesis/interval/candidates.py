@@ -24,11 +24,7 @@ from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.convex_gain import (
-    UserConstraints,
-    inactive_constraints,
-    unmet_constraints,
-)
+from obsdesign.synthesis.convex_gain import UserConstraints, inactive_constraints, unmet_constraints
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable, refuse_vain_constraints
 from obsdesign.synthesis.interval.certified import (
     certified,

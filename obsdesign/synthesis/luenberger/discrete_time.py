@@ -18,11 +18,7 @@ from lmi.modes import Modes
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import TimeBudget
 from obsdesign.analysis.balancing import BalancedPlant
-from obsdesign.analysis.discrete_error import (
-    error_maps,
-    reason_against_steps,
-    steps_between_events,
-)
+from obsdesign.analysis.discrete_error import error_maps, reason_against_steps, steps_between_events
 from obsdesign.equations.luenberger.gains import StepGains, step_entries
 from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.errors import DoesNotApply

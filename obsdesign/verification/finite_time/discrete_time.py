@@ -13,11 +13,7 @@ from obsdesign.analysis.finite_time.steps import (
 )
 from obsdesign.analysis.hidden_modes import hidden_part
 from obsdesign.document import Claim, Guarantee
-from obsdesign.equations.finite_time.steps import (
-    StepWindowGains,
-    observation_rows,
-    window_entries,
-)
+from obsdesign.equations.finite_time.steps import StepWindowGains, observation_rows, window_entries
 from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.absent_signals import absent_signals

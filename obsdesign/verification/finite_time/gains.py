@@ -21,11 +21,7 @@ from obsdesign.document import Claim
 from obsdesign.equations.finite_time.gains import CORRECTED, FiniteTimeGains
 from obsdesign.equations.finite_time.rows import REFERENCES, SINGULAR, START, UNBIASED
 from obsdesign.verification.finite_time.evidence import BiasEvidence
-from obsdesign.verification.finite_time.window import (
-    PAPER,
-    sampled_index,
-    with_reason,
-)
+from obsdesign.verification.finite_time.window import PAPER, sampled_index, with_reason
 
 # claims that the matrix of a method is invertible, by formula
 INVERTIBLE = ("difference_invertible", "injection_invertible")

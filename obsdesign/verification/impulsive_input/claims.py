@@ -22,9 +22,7 @@ from obsdesign.analysis.impulsive_input.requirements import (
 from obsdesign.analysis.riccati import riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input.evaluation_rule import (
-    reason_against_exponents,
-)
+from obsdesign.equations.impulsive_input.evaluation_rule import reason_against_exponents
 from obsdesign.equations.impulsive_input.expectations import expectations
 from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import (
@@ -43,10 +41,7 @@ from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.impulsive_input import window as window_claims
 from obsdesign.verification.impulsive_input.choices import mark_inevitable
 from obsdesign.verification.impulsive_input.rank import full_rank
-from obsdesign.verification.impulsive_input.required_gains import (
-    margin_and_window,
-    required_gains,
-)
+from obsdesign.verification.impulsive_input.required_gains import margin_and_window, required_gains
 from obsdesign.verification.impulsive_input.robustness import robustness
 from obsdesign.verification.impulsive_input.samples import sampled_claims, window_samples
 from obsdesign.verification.impulsive_input.smallest_weight import smallest_weight

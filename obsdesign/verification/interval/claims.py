@@ -21,11 +21,7 @@ from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.splits import in_coordinates
 from obsdesign.equations.interval.width import Coordinates, WidthSystem, error_matrices
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.dwell import (
-    Dwell,
-    dwell_stability,
-    source_of,
-)
+from obsdesign.verification.dwell import Dwell, dwell_stability, source_of
 from obsdesign.verification.gain_constraints import constraint_claims
 from obsdesign.verification.interval.agreement import agreed_gains
 from obsdesign.verification.interval.obstruction import obstruction_claim, with_hints

@@ -13,10 +13,7 @@ from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.discrete_time import step_warnings
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.several_clocks import clocked_guarantees
-from obsdesign.verification.interval.uncertain_width import (
-    uncertain_guarantees,
-    uncertain_warnings,
-)
+from obsdesign.verification.interval.uncertain_width import uncertain_guarantees, uncertain_warnings
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS

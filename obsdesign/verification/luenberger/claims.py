@@ -28,12 +28,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistent_gains
-from obsdesign.verification.dwell import (
-    Dwell,
-    dwell_stability,
-    reason_against_problem,
-    source_of,
-)
+from obsdesign.verification.dwell import Dwell, dwell_stability, reason_against_problem, source_of
 from obsdesign.verification.gain_constraints import (
     IDS,
     constraint_claims,

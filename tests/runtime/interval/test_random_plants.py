@@ -11,12 +11,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.runtime.interval.observer import IntervalObserver
 from tests.systems.interval import FORMS, ROUNDING, trial
-from tests.systems.interval_runs import (
-    SIMULATION_ROUNDING,
-    execute,
-    random_observer,
-    random_plant,
-)
+from tests.systems.interval_runs import SIMULATION_ROUNDING, execute, random_observer, random_plant
 
 
 @pytest.mark.parametrize("form", FORMS)

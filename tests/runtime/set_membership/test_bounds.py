@@ -17,14 +17,7 @@ from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.stages import Targets, window_of
 from obsdesign.runtime.set_membership.tables import Tables
 from tests.systems.feasible_set import exact_bounds
-from tests.systems.set_membership import (
-    ROW_SUMS,
-    Case,
-    bounds_of,
-    cases,
-    observer_of,
-    random_case,
-)
+from tests.systems.set_membership import ROW_SUMS, Case, bounds_of, cases, observer_of, random_case
 
 CASES = cases()
 # the solver of the oracle is exact to this part of a width

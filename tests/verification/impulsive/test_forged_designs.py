@@ -12,14 +12,7 @@ import pytest
 import obsdesign
 from obsdesign.design_file import from_dict
 from obsdesign.verification.impulsive.claims import claims
-from tests.systems.impulsive import (
-    SPLINE,
-    chain,
-    claim,
-    first,
-    impulsive_problem,
-    verdicts,
-)
+from tests.systems.impulsive import SPLINE, chain, claim, first, impulsive_problem, verdicts
 
 
 def verified(design: Any, **changes: Any) -> dict[str, str]:

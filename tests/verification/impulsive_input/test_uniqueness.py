@@ -9,11 +9,7 @@ import pytest
 
 from lmi.arithmetic.balls import exact
 from obsdesign.equations.impulsive_input.features import FeatureWindow
-from obsdesign.verification.impulsive_input.uniqueness import (
-    _by_theorem,
-    _one_feature,
-    _opposite,
-)
+from obsdesign.verification.impulsive_input.uniqueness import _by_theorem, _one_feature, _opposite
 
 
 def method_of(D: list, C: list, H: list, count: int, tau: float = 3.0) -> str | None:

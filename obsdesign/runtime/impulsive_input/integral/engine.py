@@ -26,11 +26,7 @@ from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from obsdesign.runtime.impulsive_input.integral.scan import Scan
 from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, smoothed
 from obsdesign.runtime.impulsive_input.significance import LEAST_DEVIATIONS, exact_floor
-from obsdesign.runtime.impulsive_input.whitening import (
-    noise_deviation,
-    noise_level,
-    usual_size,
-)
+from obsdesign.runtime.impulsive_input.whitening import noise_deviation, noise_level, usual_size
 
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it

@@ -17,12 +17,7 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.gains import LARGEST
 from obsdesign.runtime.base import Estimate
-from obsdesign.runtime.impulsive_input.event import (
-    OPEN,
-    Event,
-    missing_sample,
-    with_event,
-)
+from obsdesign.runtime.impulsive_input.event import OPEN, Event, missing_sample, with_event
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.live import AbsentRow, HeldInput, IntegralLive

@@ -28,24 +28,10 @@ from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
-from obsdesign.runtime.impulsive_input.event import (
-    MISFIT,
-    OPEN,
-    Event,
-    missing_sample,
-    with_event,
-)
-from obsdesign.runtime.impulsive_input.initial import (
-    Initial,
-    impulse_sizes,
-    largest_outputs,
-)
+from obsdesign.runtime.impulsive_input.event import MISFIT, OPEN, Event, missing_sample, with_event
+from obsdesign.runtime.impulsive_input.initial import Initial, impulse_sizes, largest_outputs
 from obsdesign.runtime.impulsive_input.residuals import birge_ratio
-from obsdesign.runtime.impulsive_input.samples.filter import (
-    Filtered,
-    Row,
-    SampledPlant,
-)
+from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import Cells, Fit, OnsetModel
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER, Refit

@@ -21,12 +21,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.runtime.impulsive_input.samples.filter import (
-    Filtered,
-    Row,
-    SampledPlant,
-    triangular,
-)
+from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant, triangular
 from obsdesign.runtime.impulsive_input.whitening import log_evidence
 from obsdesign.runtime.state_marks import Axes
 from obsdesign.runtime.step_cache import cached_step
