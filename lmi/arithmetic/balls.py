@@ -284,9 +284,14 @@ def entries(S: Balls) -> Exact:
     return np.array(S.tolist(), dtype=object)
 
 
+def ball_matrix(values: Exact) -> Balls:
+    """An object array of balls as a ball matrix: the inverse of `entries`."""
+    return arb_mat(values.tolist())
+
+
 def solve_entries(A: Exact, B: Exact) -> Exact | None:
     """A^-1 B for object arrays of balls; None unless A is certainly invertible."""
-    solution = solve(arb_mat(A.tolist()), arb_mat(B.tolist()))
+    solution = solve(ball_matrix(A), ball_matrix(B))
     return None if solution is None else entries(solution)
 
 

@@ -22,12 +22,13 @@ from lmi.arithmetic.balls import (
     Exact,
     Rational,
     ball,
+    ball_matrix,
     entries,
     exact,
     exp_around,
     exp_times,
     identity,
-    number,
+    middle,
     precision,
     rational,
     solve,
@@ -40,22 +41,24 @@ from obsdesign.equations.impulsive_input.features import (
     feature_scales,
     filtered_system,
 )
+from obsdesign.verification.impulsive_input.directions import orthonormal_weights, weight_bounds
 from obsdesign.verification.impulsive_input.window import PAPER
 
 _CELLS = 256
+_MOST_PARTS = 64  # of a cell, where larger ones prove nothing
 
 
 @dataclass(frozen=True)
 class FeatureChange:
     """Bounds of |dR|: (mp, q) per unit of weight for any age, (mp, n) per unit of x(t_o).
 
-    Features are scaled as at run time. relative: of |dR| / |b(age)| for ages in [margin, tau], by
-    direction (q,).
+    Features are scaled as at run time. relative: of |dR g| / |b(age) g| for all weights g and ages
+    in [margin, tau].
     """
 
     impulse: Matrix
     state: Matrix
-    relative: Matrix
+    relative: float
 
 
 def robustness(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Claim:
@@ -71,10 +74,10 @@ def robustness(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Claim:
             "state": _rounded_up(bounds.state).tolist(),
         }
         verdict = undecided("the features of an impulse may vanish at some age", **evidence)
-        if np.isfinite(bounds.relative).all():
-            relative = _rounded_up(bounds.relative)
-            text = f"{float(relative.max())!r} of their Euclidean norm"
-            verdict = proved(**evidence, relative=relative.tolist())
+        if math.isfinite(bounds.relative):
+            relative = _rounded_up(np.array([bounds.relative])).tolist()
+            text = f"{relative[0]!r} of their Euclidean norm"
+            verdict = proved(**evidence, relative=relative)
     statement = (
         "where entries of flow.A are off by at most observer.uncertainty, at any instant of a "
         f"window, the features of an impulse of any age in [{window.margin!r}, {window.tau!r}] "
@@ -105,10 +108,14 @@ def feature_change(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Feat
         F = filtered_system(window.D, window.C, exact(window.exponents), scales)
         flows = [_cell(A, width, k) for k in range(_CELLS)]
         whole = [_cell(F, width, k)[:, :n] for k in range(_CELLS)]
-        start = np.hstack([window.H, exact(np.eye(n))])
+        first = min(int(window.margin / h * (1 - 1e-12)), _CELLS - 1)
+        b = np.vstack([middle(ball_matrix(X[n:] @ window.H)) for X in whole[first:]])
+        T = orthonormal_weights(b)
+        turned = window.H if T is None else window.H @ T
+        start = np.hstack([window.H, turned, exact(np.eye(n))])
         free = np.array([_largest(flow @ start) for flow in flows])
         P, V = np.array([_largest(X) for X in flows]), np.array([_largest(X[n:]) for X in whole])
-        sizes = np.array([_least_norms(X[n:] @ window.H) for X in whole])
+        weights = np.array([_weights(F, (width, k), turned) for k in range(first, _CELLS)])
     # |x| <= free + h P_0 U |x| within a cell: an M-matrix where the norm is below one
     step = h * P[0] @ uncertainty * (1 + 1e-12)
     if not step.sum(axis=1).max() < 0.5:
@@ -124,13 +131,13 @@ def feature_change(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Feat
     change = rounding * np.array(
         [np.einsum("kij,kjr->ir", V_pairs[k::-1], driven[: k + 1]) for k in range(_CELLS)]
     )
-    at_end = rounding * np.einsum("kij,kjr->ir", V[::-1], driven[:, :, q:])
-    first = min(int(window.margin / h * (1 - 1e-12)), _CELLS - 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.linalg.norm(change[first:, :, :q], axis=1) / sizes[first:]
-    relative = np.where(np.isnan(shares), math.inf, shares).max(axis=0) * rounding
+    at_end = rounding * np.einsum("kij,kjr->ir", V[::-1], driven[:, :, 2 * q :])
+    with np.errstate(invalid="ignore"):
+        parts = np.einsum("kiq,kq->ki", change[first:, :, q : 2 * q], weights)
+        largest = float(np.linalg.norm(parts, axis=1).max() * rounding)
     if not (np.isfinite(change).all() and np.isfinite(at_end).all()):
         return None
+    relative = math.inf if math.isnan(largest) else largest
     return FeatureChange(change[:, :, :q].max(axis=0), at_end, relative)
 
 
@@ -146,13 +153,19 @@ def _largest(X: Exact) -> Matrix:
     return np.array([[math.nextafter(float(top), math.inf) for top in row] for row in tops])
 
 
-def _least_norms(b: Exact) -> Matrix:
-    """Floats that are at most the norms of columns of balls."""
-    least = []
-    for column in b.T.tolist():
-        squares = sum((value.abs_lower() ** 2 for value in column), number(0.0))
-        least.append(max(math.nextafter(float(squares.sqrt().lower()), -math.inf), 0.0))
-    return np.array(least)
+def _weights(F: Exact, cell: tuple[Rational, int], columns: Exact, parts: int = 1) -> Matrix:
+    """Bounds of `weight_bounds` for a cell (width, k) of a window, in parts where needed.
+
+    F: of states and features; columns (n, q) of states.
+    """
+    width, k = cell
+    bounds = weight_bounds(_cell(F, width, k)[len(columns) :, : len(columns)], columns)
+    for half in (2 * k, 2 * k + 1) if parts < _MOST_PARTS and np.isinf(bounds).any() else ():
+        part = _weights(F, (width / 2, half), columns, 2 * parts)
+        bounds = part if half == 2 * k else np.maximum(bounds, part)
+        if np.isinf(bounds).any():
+            break
+    return bounds
 
 
 def _states(free: Matrix, P: Matrix, inner: Matrix, driving: Matrix) -> Matrix:

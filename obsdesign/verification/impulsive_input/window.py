@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +29,7 @@ from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive_input.features import FeatureWindow
+from obsdesign.verification.impulsive_input.directions import ratio_of_weights
 from obsdesign.verification.impulsive_input.witnesses import TooFewFeatures
 
 PAPER = "Mattsson, Medvedev, ECC 2013"
@@ -93,30 +94,33 @@ def enough_exponents(D: Exact, C: Exact, exponents: list[float]) -> Claim:
 
 
 def ratio(window: FeatureWindow, bound: float) -> Claim:
-    """|E_i| <= ratio |b_i| for every feature, direction and age in [margin, window] (Prop. 3.2).
+    """|E_i| <= ratio |b_i| for every feature and age in [margin, window] (Prop. 3.2).
 
     f = ratio b_i +- E_i is one entry of [z; f]' = [D z; lambda f + C z] by the age s, with
     z = ratio e^{D s} H -+ e^{lambda tau} e^{D (s - tau)} H; it must keep the sign of b_i.
+
+    With several columns of H a feature vanishes for some weights: |E g| <= ratio |b g| for all g.
     """
+    several = window.H.shape[1] > 1
+    kept = (
+        "features in Euclidean norm, for all weights" if several else "feature, for every feature"
+    )
     statement = (
-        f"what (15) neglects of an impulse is at most {bound!r} of its feature, for every feature "
+        f"what (15) neglects of an impulse is at most {bound!r} of its {kept} "
         f"and every age in [{window.margin!r}, {window.tau!r}]"
     )
     try:
-        obstacles = (
-            _obstacle(part, lam, bound) for part in _parts(window) for lam in part.exponents
-        )
-        verdict = next((each for each in obstacles if each is not None), proved(ratio=bound))
+        verdict = (ratio_of_weights if several else _ratio_by_feature)(window, bound)
     except ValueError as error:
         verdict = undecided(str(error))
     return Claim.from_verdict("ratio", statement, f"{PAPER}, Proposition 3.2", verdict)
 
 
-def _parts(window: FeatureWindow) -> Iterator[FeatureWindow]:
-    """Yield the window of each output and direction by itself."""
-    for j in range(len(window.C)):
-        for k in range(window.H.shape[1]):
-            yield replace(window, C=window.C[j : j + 1], H=window.H[:, k : k + 1])
+def _ratio_by_feature(window: FeatureWindow, bound: float) -> Verdict:
+    """Verdict on the features of a window with one column of H, each by itself."""
+    outputs = (replace(window, C=window.C[j : j + 1]) for j in range(len(window.C)))
+    obstacles = (_obstacle(part, lam, bound) for part in outputs for lam in part.exponents)
+    return next((each for each in obstacles if each is not None), proved(ratio=bound))
 
 
 def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:

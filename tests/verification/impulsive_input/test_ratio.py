@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,47 @@ def test_the_ratio_is_exceeded_at_the_age_of_the_witness(seed: int) -> None:
         assert repr(witness["age"]) in witness["reason"]
     # the twin: a bound that holds is proved
     assert has_zero or claim(window, 1.5 * worst).verdict == "proved"
+
+
+def across(outputs: int) -> FeatureWindow:
+    """Two columns of jump.H that are nearly parallel."""
+    return FeatureWindow(
+        np.array([[-0.4, -0.1], [-0.1, -0.7]]), np.array([[1.0, 1], [0.3, -1]])[:outputs],
+        np.array([[1, 1], [0, 0.2]]), exponents=np.array([-3, -3.5, -4, -4.5]), tau=4.0, margin=2.0,
+    )  # fmt: skip
+
+
+def features(window: FeatureWindow, age: float) -> tuple[np.ndarray, np.ndarray]:
+    """b and E of an impulse of an age, one row for each exponent and output, (m p, 2)."""
+    rows = []
+    for c in window.C:
+        for lam in window.exponents:
+            parts = [replace(window, C=c[None], H=h[:, None]) for h in window.H.T]
+            rows.append([np.exp(lam * age) * np.array(feature(part, lam, age)) for part in parts])
+    pairs = np.array(rows)
+    return pairs[:, :, 0], pairs[:, :, 1]
+
+
+@pytest.mark.parametrize("outputs", [1, 2])
+def test_weights_across_columns_keep_the_ratio(outputs: int) -> None:
+    window = across(outputs)
+    pairs = [features(window, age) for age in np.linspace(2, 4, 9)]
+    worst = max(float(np.linalg.norm(E @ np.linalg.pinv(b), 2)) for b, E in pairs)
+    alone = [np.linalg.norm(E, axis=0) / np.linalg.norm(b, axis=0) for b, E in pairs]
+    columns = float(np.max(alone))
+    refusal = claim(window, 0.99 * worst)  # the twin: a bound that holds for each column alone
+    assert columns < 0.99 * worst
+    assert refusal.verdict == "refuted"
+    witness = refusal.evidence["witness"]
+    b, E = (X @ witness["weights"] for X in features(window, witness["age"]))
+    assert np.linalg.norm(E) > 0.99 * worst * (1 - 1e-6) * np.linalg.norm(b)
+    assert claim(window, 1.05 * worst).verdict == "proved"
+
+
+def test_a_weight_without_features_has_no_ratio() -> None:
+    window = across(1)
+    parallel = FeatureWindow(
+        window.D, window.C, np.array([[1.0, 2], [0, 0]]), exponents=window.exponents, tau=4.0,
+        margin=2.0,
+    )  # fmt: skip
+    assert claim(parallel, 1e6).verdict == "undecided"

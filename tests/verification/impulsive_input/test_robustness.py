@@ -133,3 +133,41 @@ def test_an_uncertainty_of_another_size_is_refused() -> None:
         investigated(np.ones((3, 2)))
     with pytest.raises(obsdesign.InputError, match="belongs to operator 'integral'"):
         investigated(np.ones((3, 3)), operator="samples")
+
+
+ACROSS = np.array([[-0.5, 0], [0, -1.0]])
+
+
+def across(H: Any) -> Any:
+    D = exact(ACROSS) - exact([[0.1], [0.1]]) @ exact([[1, 1]])
+    window = FeatureWindow(
+        D, exact([[1, 1]]), exact(H), exponents=np.array([-0.3, -0.5, -0.7, -0.9]),
+        tau=4.0, margin=1.0,
+    )  # fmt: skip
+    return feature_change(window, exact(ACROSS), np.array([[0, 0.1], [0, 0]]))
+
+
+def test_weights_across_columns_are_within_the_bound() -> None:
+    """Each column by itself changes by 1.2e-4 at most, their difference by 0.27."""
+    H, gain = np.array([[1, 1], [0, 0.001]]), np.array([[0.1], [0.1]])
+    bound, lams = across(H), np.array([-0.3, -0.5, -0.7, -0.9])
+    dA, C, largest = np.array([[0, 0.1], [0, 0]]), np.ones((1, 2)), 0.0
+    near = 3 * np.pi / 4 + np.linspace(-1e-3, 1e-3, 41)
+    angles = np.concatenate([np.linspace(0, np.pi, 60), near])
+    for angle in angles:
+        start = H @ [[np.cos(angle)], [np.sin(angle)]]
+        filtered = filtered_system(ACROSS - gain @ C, C, lams, feature_scales(lams, 4.0))
+        both = np.zeros((8, 8))
+        both[:6, :6], both[:2, 6:], both[6:, 6:] = filtered, dA, ACROSS + dA
+        for age in (1.0, 2.0, 4.0):
+            b = (expm(filtered * age) @ np.vstack([start, np.zeros((4, 1))]))[2:]
+            changed = (expm(both * age) @ np.vstack([start, np.zeros((4, 1)), start]))[2:6]
+            largest = max(largest, float(np.linalg.norm(changed - b) / np.linalg.norm(b)))
+    assert 0.27 < largest < bound.relative < 1000
+    # columns that span the same have the same bound
+    assert across(np.eye(2)).relative == pytest.approx(bound.relative, rel=0.01)
+
+
+@pytest.mark.parametrize("H", [[[1, 2], [0, 0]], [[1, 0], [0, 0]]])
+def test_features_that_vanish_for_a_weight_have_no_relative_bound(H: Any) -> None:
+    assert across(H).relative == np.inf
