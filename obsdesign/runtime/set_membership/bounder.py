@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import TINY, UNIT
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.runtime.set_membership.condensed import condensed
+from obsdesign.runtime.set_membership.condensed import Condensed, condensed
 from obsdesign.runtime.set_membership.contradictions import (
     excluding_samples,
     samples_with_multipliers,
@@ -138,10 +138,9 @@ class Bounder:
             self.model, self.tables, tape.start, tape.stages, magnitude(tape.box)
         )  # fmt: skip
         targets, lag = self._targets(tape)
-        proposed = self._proposed(window, targets)
-        if isinstance(proposed, Contradiction):
-            return proposed
-        mu, fixed = proposed, self._fixed(window)
+        program = condensed(window, targets)
+        own = self._proposed(program)
+        mu, fixed = program.by_stage(own, window), self._fixed(window)
         phases = self._state_targets(last, len(fixed) // (2 * n))
         upper, ends = np.split(
             upper_bounds(window, targets.with_more(phases), np.concatenate([mu, fixed])), [len(mu)]
@@ -156,6 +155,9 @@ class Bounder:
         lagged = reduce(intersection, earlier) if earlier else np.full((2, n), np.nan)
         if (box[0] > box[1]).any() or (lagged[0] > lagged[1]).any():
             return self._crossed(window, targets, mu, tape)
+        excluded = self._excluded(window, program, own)
+        if excluded is not None:
+            return excluded
         stage = tape.stages[-1]._replace(box=box)
         along = intersection(_box(upper[2 * n : 2 * n + 2 * self._further]), self._interval(box))
         tape = Tape(tape.start, (*tape.stages[:-1], stage), box)
@@ -168,16 +170,17 @@ class Bounder:
             return bounded
         return Contradiction((tape.stages[-1].t,))
 
-    def _proposed(self, window: Window, targets: Targets) -> Matrix | Contradiction:
-        """Multipliers of the targets (B, stages, p), or why there is no state to bound."""
-        program, opposite = condensed(window, targets), self._opposite[: len(targets.rows)]
+    def _proposed(self, program: Condensed) -> Matrix:
+        """Multipliers (B, M) of the strips of a program."""
         strips = (program.H, program.residual, program.V)
-        own = propose(strips, program.objective, opposite, self.gains.steps)
-        if program.is_nearly_empty(own, opposite):
-            contradiction = excluding_samples(window, program, self.gains.steps)
-            if contradiction is not None:
-                return contradiction
-        return program.by_stage(own, window)
+        opposite = self._opposite[: len(program.objective)]
+        return propose(strips, program.objective, opposite, self.gains.steps)
+
+    def _excluded(self, window: Window, program: Condensed, own: Matrix) -> Contradiction | None:
+        """The samples that leave no state although bounds do not cross; None where none do."""
+        if not program.is_nearly_empty(own, self._opposite[: len(own)]):
+            return None
+        return excluding_samples(window, program, self.gains.steps)
 
     def _fixed(self, window: Window) -> Matrix:
         """(B, stages, p): multipliers of the phases whose samples the window has, 2 n for each."""
