@@ -296,16 +296,20 @@ class SamplesEngine:
 
 
 def _event(fit: Fit, freedom: int) -> Event:
-    """The event of a fit; freedom: degrees of freedom of what it leaves of the samples."""
+    """The event of a fit; freedom: degrees of freedom of what it leaves of the samples.
+
+    An onset stands for those within half a step of it, and its weight for theirs.
+    """
     p, onsets = fit.probability, fit.grid.onsets
     step = float(onsets[1] - onsets[0])
     t = float(p @ onsets)
     weight = float(p @ fit.weights)
-    variance = float(p @ (fit.weights**2 + 1 / fit.precision)) - weight**2
+    within = np.gradient(fit.weights) ** 2 / 12
+    variance = float(p @ ((fit.weights - weight) ** 2 + within + 1 / fit.precision))
     return Event(
         t=t,
         weights=np.array([weight]),
         t_std=math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12),
-        weights_std=np.array([math.sqrt(max(variance, 0.0))]),
+        weights_std=np.array([math.sqrt(variance)]),
         doubts=(MISFIT,) if birge_ratio(fit.cost, freedom) > 1 else (),
     )

@@ -31,6 +31,7 @@ _REFINEMENTS = 12  # of the grid of onsets, tenfold each
 _MAX_NEIGHBOUR_PROBABILITY = 0.95  # probability of three neighbours from which a grid is too coarse
 _LEAST_SPREAD = 1e-8  # smallest deviation of a state kept, relative to its own one
 _EQUAL_TIMES = 1e-12  # times closer than this are one
+_RATIO_ROUNDING = 8 * float(np.finfo(np.float64).eps)  # of a likelihood ratio, relative
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,9 @@ class OnsetModel:
     def posterior(self, cells: Cells, grid: Grid) -> Fit:
         """Likelihood ratios, and the posterior for onsets that are evenly spaced.
 
-        The likelihood of (onset, g) with eps_o ~ (0, P) part of the noise.
+        The likelihood of (onset, g) with eps_o ~ (0, P) part of the noise. Where ratios are so
+        large that rounding changes them by more than one, noise counts as so much larger: onsets
+        that they do not tell apart are equally likely.
         """
         cell, states = grid.cell, grid.states
         num = (cells.score[cell] * states).sum(axis=1)
@@ -194,27 +197,33 @@ class OnsetModel:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(den > 0, num**2 / den, 0.0)
             usable = (den > 0) & ((num > 0) | (not self.nonnegative))
-            log_p = np.where(usable, log_evidence(ratio, 1), -math.inf)
+            rounding = max(1.0, _RATIO_ROUNDING * float(ratio.max()))
+            log_p = np.where(usable, log_evidence(ratio / rounding, 1), -math.inf)
         p = np.exp(log_p - log_p.max()) if np.isfinite(log_p).any() else np.ones_like(log_p)
         weights = np.where(den > 0, num / np.where(den > 0, den, 1.0), 0.0)
-        cost = float(cells.costs.sum() - ratio.max())
+        cost = float(cells.costs.sum() - ratio.max()) / rounding
         return Fit(
             grid=grid,
             probability=p / p.sum(),
             weights=weights,
-            precision=den,
+            precision=den / rounding,
             ratio=ratio,
             cost=cost,
         )
 
     def refined(self, cells: Cells, fit: Fit) -> Fit:
-        """The posterior on finer and finer grids, while a few onsets hold all of it."""
+        """The posterior on finer and finer grids, while a few onsets hold all of it.
+
+        No grid is finer than time stamps, whose rounding its step stands for.
+        """
         for _ in range(_REFINEMENTS):
             top = int(np.argmax(fit.probability))
             if fit.probability[max(top - 1, 0) : top + 2].sum() < _MAX_NEIGHBOUR_PROBABILITY:
                 break
             onsets = fit.grid.onsets
             low, high = onsets[max(top - 2, 0)], onsets[min(top + 2, len(onsets) - 1)]
+            if high - low < ONSETS * math.ulp(abs(high)):
+                break
             fit = self.posterior(cells, self.grid_at(cells, np.linspace(low, high, ONSETS + 1)))
         return fit
 
