@@ -41,8 +41,8 @@ from obsdesign.synthesis.given_gains import (
     refuse_unusable,
     refuse_vain_constraints,
 )
-from obsdesign.synthesis.luenberger.discrete_time import step_candidates
 from obsdesign.synthesis.luenberger.constrained_flow_gain import nearest_gain
+from obsdesign.synthesis.luenberger.discrete_time import step_candidates
 from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
 from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
