@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Indices, Matrix
-from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.runtime.impulsive_input.integral.covariance import propagated
 from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator, Window
@@ -72,30 +71,20 @@ class Whitener:
         noise = evaluator.responses(window).sources(np.zeros((n, n)), window.spread)
         position = None
         if evaluator.gains.rule == "position":
-            position = self._position(window, self._whitening(window))
+            position = self._position(self._whitening(window))
         return NoiseLevel(variances, float(np.linalg.norm(noise, 2)), position)
 
     def exact_position(self, window: Window) -> tuple[Position, float]:
         """The values for y that is exact, and what the output itself leaves in them."""
         T = whitening(window.taps, np.ones_like(window.spread)).T
         own = T @ (window.taps.T @ window.y).T.reshape(-1)
-        return self._position(window, T), float(np.linalg.norm(own))
+        return self._position(T), float(np.linalg.norm(own))
 
-    def _position(self, window: Window, T: Matrix) -> Position:
-        """The values by which position is judged, features made white by T.
-
-        Impulses as samples show them: in each cell those of onsets at both of its ends, which span
-        the others nearly. A sensor all but exact tells them from the smooth response.
-        """
-        evaluator, gains = self.evaluator, self.evaluator.gains
-        ages = (window.t[0] + evaluator.run.tau - window.t)[1:]
-        rows = 1 + np.flatnonzero(ages > 0)[::-1]
-        rows = rows[:: max(len(rows) // len(evaluator.curve.ages), 1)]
-        spans = np.diff(window.t)[rows - 1]
-        early = expm(gains.A * spans[:, None, None]) @ gains.H
-        ends = np.concatenate([np.broadcast_to(gains.H, early.shape), early], axis=2)
-        b = evaluator.responses(window).onsets[rows] @ ends
-        return Position.from_curve(T, ages[rows - 1], b, evaluator.oldest)
+    def _position(self, T: Matrix) -> Position:
+        """The values by which position is judged, features made white by T."""
+        curve = self.evaluator.curve
+        b = curve.states[1:, curve.n :]
+        return Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
 
     def _whitening(self, window: Window) -> Matrix:
         """T (r, p m): white with the noise that K makes of earlier samples, and with rounding."""
