@@ -84,6 +84,9 @@ def _has_one_matrix(claims: tuple[Claim, ...]) -> bool:
 
 
 def six_digits(value: float, rounding: str) -> str:
-    """A positive number with six digits, rounded in the direction that is given."""
+    """A positive number with six digits, rounded in the direction that is given.
+
+    TypeError or ValueError for what is no number: evidence of a file may be anything.
+    """
     with localcontext(prec=6, rounding=rounding):
-        return f"{+Decimal(value):.6g}"
+        return f"{+Decimal(float(value)):.6g}"

@@ -187,6 +187,15 @@ def test_a_width_that_was_made_smaller_is_refuted(design: Design) -> None:
     assert workflow.verify(replace(design, claims=claims)).verdict == "refuted"
 
 
+@pytest.mark.parametrize("entry", ["always", "before", "after"])
+def test_a_word_in_place_of_a_width_is_refuted(design: Design, entry: str) -> None:
+    """Sentences are made of what a file states, too: words there are no internal error."""
+    claim = width_claim(design)
+    forged = replace(claim, evidence={**claim.evidence, entry: ["six", [1.0], None]})
+    claims = tuple(forged if each is claim else each for each in design.claims)
+    assert obsdesign.verify(replace(design, claims=claims)).verdict == "refuted"
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
