@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -16,6 +17,17 @@ from obsdesign.runtime.status import MISSING_SAMPLE, status_of
 OPEN = "unresolved"  # of a row
 MISFIT = "does not fit one impulse in the window"
 FAINT = "hardly above the noise in the norm of the fit"
+
+
+def onset_statistics(onsets: Matrix, probability: Matrix) -> tuple[float, float]:
+    """(mean, deviation) of an onset on an even grid (G,); a point stands for its half steps.
+
+    Of ages before the last one: a mean of stamps themselves would round once for each of them.
+    """
+    latest = float(onsets[-1])
+    ages = latest - onsets
+    age, step = float(probability @ ages), float(onsets[1] - onsets[0])
+    return latest - age, math.sqrt(float(probability @ (ages - age) ** 2) + step**2 / 12)
 
 
 @dataclass(frozen=True, slots=True)

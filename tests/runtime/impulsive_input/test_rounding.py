@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from obsdesign.runtime.impulsive_input.event import onset_statistics
 from obsdesign.runtime.impulsive_input.samples.engine import _event
 from obsdesign.runtime.impulsive_input.samples.filter import SampledPlant
 from obsdesign.runtime.impulsive_input.samples.onset import Cells, Fit, Grid, OnsetModel
@@ -55,6 +56,19 @@ def test_the_variance_of_a_weight_is_no_difference_of_squares(weight: float) -> 
         weights=np.full(5, weight), precision=np.full(5, std**-2), ratio=np.full(5, 1e24), cost=0.0,
     )  # fmt: skip
     assert _event(fit, 3).weights_std[0] == pytest.approx(std)
+
+
+@pytest.mark.parametrize("origin", [1.7e9, 1.7e18, -1.7e18])
+@pytest.mark.parametrize("count", [41, 481])
+def test_the_mean_of_an_onset_is_rounded_once(origin: float, count: int) -> None:
+    rng = np.random.default_rng(count)
+    ulp = math.ulp(origin)
+    for _ in range(20):
+        ages = 4 * ulp * np.arange(count)
+        p = rng.dirichlet(np.ones(count))
+        t, std = onset_statistics(origin + ages, p)
+        assert abs((t - origin) - p @ ages) <= ulp
+        assert std == pytest.approx(onset_statistics(ages, p)[1], rel=1e-9)
 
 
 @pytest.mark.parametrize("size", [1e3, 1e9, 1e11])

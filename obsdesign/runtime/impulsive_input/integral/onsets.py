@@ -16,7 +16,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.runtime.impulsive_input.event import Event
+from obsdesign.runtime.impulsive_input.event import Event, onset_statistics
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses
 from obsdesign.runtime.impulsive_input.whitening import Weighted, log_prior
@@ -48,17 +48,6 @@ class Posterior:
     roots: Matrix
     states: Matrix
     b: Matrix
-
-    @property
-    def time(self) -> float:
-        """Mean of the onset."""
-        return float(self.probability @ self.onsets)
-
-    @property
-    def time_std(self) -> float:
-        """Deviation of the onset, with that of a cell of the grid."""
-        step = float(self.onsets[1] - self.onsets[0])
-        return math.sqrt(float(self.probability @ (self.onsets - self.time) ** 2) + step**2 / 12)
 
     @property
     def weight(self) -> Matrix:
@@ -176,7 +165,7 @@ def expected(fit: Event, posterior: Posterior | None) -> Event:
     """The fit with the means of time and weights, and their deviations."""
     if posterior is None:
         return fit
+    t, t_std = onset_statistics(posterior.onsets, posterior.probability)
     return replace(
-        fit, t=posterior.time, weights=posterior.weight, t_std=posterior.time_std,
-        weights_std=posterior.weight_std,
-    )  # fmt: skip
+        fit, t=t, weights=posterior.weight, t_std=t_std, weights_std=posterior.weight_std
+    )

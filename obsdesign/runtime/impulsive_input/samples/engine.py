@@ -28,7 +28,14 @@ from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
-from obsdesign.runtime.impulsive_input.event import MISFIT, OPEN, Event, missing_sample, with_event
+from obsdesign.runtime.impulsive_input.event import (
+    MISFIT,
+    OPEN,
+    Event,
+    missing_sample,
+    onset_statistics,
+    with_event,
+)
 from obsdesign.runtime.impulsive_input.initial import Initial, impulse_sizes, largest_outputs
 from obsdesign.runtime.impulsive_input.residuals import birge_ratio
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
@@ -300,16 +307,15 @@ def _event(fit: Fit, freedom: int) -> Event:
 
     An onset stands for those within half a step of it, and its weight for theirs.
     """
-    p, onsets = fit.probability, fit.grid.onsets
-    step = float(onsets[1] - onsets[0])
-    t = float(p @ onsets)
+    p = fit.probability
+    t, t_std = onset_statistics(fit.grid.onsets, p)
     weight = float(p @ fit.weights)
     within = np.gradient(fit.weights) ** 2 / 12
     variance = float(p @ ((fit.weights - weight) ** 2 + within + 1 / fit.precision))
     return Event(
         t=t,
         weights=np.array([weight]),
-        t_std=math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12),
+        t_std=t_std,
         weights_std=np.array([math.sqrt(variance)]),
         doubts=(MISFIT,) if birge_ratio(fit.cost, freedom) > 1 else (),
     )
