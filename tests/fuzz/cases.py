@@ -16,6 +16,7 @@ from obsdesign.data.csv_text import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.document import digest
 from obsdesign.kinds import KINDS
+from tests.fuzz.differences import differs
 from tests.fuzz.harness import Case
 from tests.fuzz.mutate import NUMBERS, garbled, json_text, mutated, renumbered
 from tests.fuzz.plants import KEYS, PROBLEMS, SHIPPED
@@ -145,51 +146,6 @@ def signed(body: Any, rng: Rng) -> str:
         except (ValueError, RecursionError):  # refused before its digest is looked at
             return text
     return text
-
-
-def differs(base: Any, body: Any) -> bool:
-    """Has a gain or a claim changed, other than in how a number is written?"""
-    if not isinstance(body, dict):
-        return True
-    keys = ("id", "statement", "source", "verdict")
-
-    def words(design: dict[str, Any]) -> Any:
-        claims = design.get("claims")
-        if not isinstance(claims, list) or not all(isinstance(claim, dict) for claim in claims):
-            return None
-        return sorted(json.dumps([claim.get(key) for key in keys]) for claim in claims)
-
-    return not equal(_exact_gains(base), _exact_gains(body)) or words(base) != words(body)
-
-
-def _exact_gains(body: dict[str, Any]) -> Any:
-    """Gains without those that are bounds: a wider bound that holds is no false statement.
-
-    Nor is an entry of 1e-100 for 0 where gains are proved to within rounding.
-    """
-    gains = body.get("gains")
-    if not isinstance(gains, dict):
-        return None
-    kept = {name: value for name, value in gains.items() if name not in ("state_error", "radius")}
-    return _without_traces(kept)
-
-
-def _without_traces(value: Any) -> Any:
-    """The same with 0 for numbers far below the rounding of any gain."""
-    if isinstance(value, dict):
-        return {name: _without_traces(item) for name, item in value.items()}
-    if isinstance(value, list):
-        return [_without_traces(item) for item in value]
-    return 0 if isinstance(value, float) and abs(value) < 1e-50 else value
-
-
-def equal(one: Any, other: Any) -> bool:
-    """Equal as JSON values: 1 is 1.0, true is not."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(equal(one[key], other[key]) for key in one)
-    if isinstance(one, list) and isinstance(other, list):
-        return len(one) == len(other) and all(map(equal, one, other))
-    return isinstance(one, bool) == isinstance(other, bool) and one == other
 
 
 def data_case(rng: Rng, names: Sequence[str] = SMALL) -> Case:

@@ -16,6 +16,7 @@ from unittest import mock
 from obsdesign.cli.commands import main
 
 _MOST_ERROR_LINES = 2
+_SKIPPED = " skipped."  # how a remark on a row that is left out ends
 SECONDS = 20.0
 
 
@@ -82,7 +83,7 @@ def judged(case: Case, folder: Path) -> tuple[int, list[str]]:
     if "Traceback" in outcome.err or "Traceback" in outcome.out:
         faults.append("traceback")
     if outcome.code == 2:
-        faults += _refusal(case, outcome)
+        faults += refusal_faults(case, outcome)
     if case.never_proved and outcome.code == 0:
         faults.append("proved, although it differs")
     if outcome.seconds > SECONDS:
@@ -93,13 +94,16 @@ def judged(case: Case, folder: Path) -> tuple[int, list[str]]:
     return outcome.code, faults
 
 
-def _refusal(case: Case, outcome: Outcome) -> list[str]:
+def refusal_faults(case: Case, outcome: Outcome) -> list[str]:
+    """What is wrong with a call that ended with exit code 2: one line of a message, no output."""
     faults = []
     lines = [line for line in outcome.err.splitlines() if "still " not in line]
+    # rows that were left out before the error: a line for each
+    errors = [line for line in lines if not line.endswith(_SKIPPED)]
     if outcome.out and not case.stdin:  # a pipe is answered row by row
         faults.append(f"exit code 2 with output: {outcome.out[:80]!r}")
-    if not 1 <= len(lines) <= _MOST_ERROR_LINES:
-        faults.append(f"exit code 2 with {len(lines)} lines on standard error")
+    if not 1 <= len(errors) <= _MOST_ERROR_LINES:
+        faults.append(f"exit code 2 with {len(errors)} lines on standard error")
     if any(not line.startswith("obsdesign: ") or len(line) > 2000 for line in lines):
         faults.append(f"not one line of a message: {outcome.err[:200]!r}")
     return faults
