@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -14,7 +15,7 @@ import obsdesign
 from obsdesign.equations.impulsive_input.gains import gains_from_document
 from obsdesign.errors import InputError
 from obsdesign.runtime import from_design
-from tests.systems.impulsive_input import events_of, record, rows_from
+from tests.systems.impulsive_input import events_of, observer_of, record, rows_from
 
 # a chain of tanks, y: the levels of the second and third
 TANKS: dict[str, Any] = {
@@ -168,3 +169,41 @@ def test_samples_start_alike_in_all_units(units: tuple[float, float]) -> None:
         }))  # fmt: skip
         estimates.append([row.x for row in rows_from(observer, times, x @ C.T + noise * scale)])
     np.testing.assert_allclose(*estimates, rtol=1e-5, atol=1e-7)
+
+
+CHAIN_A = np.array([[-0.5, 0, 0, 0], [0.7, -0.86, 0.33, 0], [0, 0, -1.12, 0], [0, 0, 0, -0.67]])
+BLIND_C = np.array([[0.0, 0, 1, 0], [0, 0, 0, 1], [0, 1, 0, 0]])  # impulses reach the last alone
+EXPONENTS = [-1.32, -1.43, -1.53, -1.64, -1.75, -1.86, -1.97, -2.08]
+CROSSED_K = [[0.1, 0.2, 0.1], [0.1, 0.9, -0.1], [0, 0.8, 0.6], [0.5, 0.8, 0.2]]
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [
+        {"noise_std": [1e-8, 1e-8, 0.006]},
+        {"noise_std": [1e-4, 1e-4, 0.006]},
+        {"noise_cv": [0.003, 0.002, 0.007]},
+    ],
+)
+def test_a_better_sensor_that_no_impulse_reaches_costs_no_impulse(noise: dict[str, Any]) -> None:
+    """K copies the impulse into the residual of every sensor, sampled as the last one is."""
+    body = {
+        "flow": {"A": CHAIN_A.tolist()},
+        "jump": {"H": [[1], [0], [0], [0]], "dwell_time": [8.0, math.inf]},
+        "output": {"C": BLIND_C.tolist(), "measured": "periodic", "period": 0.1, **noise},
+        "observer": {"kind": "impulsive_input", "operator": "integral", "weighting": "gls",
+                     "gains": {"K": CROSSED_K}, "exponents": EXPONENTS},
+    }  # fmt: skip
+    t, rng = 0.1 * np.arange(800), np.random.default_rng(6)
+    train = [(9.3 * k + rng.uniform(0, 1), rng.choice([-1, 1]) * rng.uniform(0.3, 2.5))
+             for k in range(1, 8)]  # fmt: skip
+    exact = record(CHAIN_A, np.eye(4)[:, :1], train, t, np.zeros(4)) @ BLIND_C.T
+    relative = np.array(noise.get("noise_cv", [0, 0, 0])) * np.abs(exact)
+    spread = noise.get("noise_std", relative)
+    y = exact + spread * rng.standard_normal(exact.shape)
+    events = events_of(rows_from(observer_of(body), t, y))
+    assert len(events) == len(train)
+    for event, (onset, weight) in zip(events, train, strict=True):
+        assert event.status == "ok"
+        assert abs(event.t - onset) < 5 * event.t_std
+        assert abs(event.weights[0] - weight) < 5 * event.weights_std[0]

@@ -18,6 +18,7 @@ from obsdesign.runtime.impulsive_input.integral.covariance import propagated
 from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import Track
 from obsdesign.runtime.impulsive_input.integral.search import Position
+from obsdesign.runtime.impulsive_input.integral.window_noise import Responses
 from obsdesign.runtime.impulsive_input.whitening import least_cv, noise_level, whitening
 from obsdesign.runtime.state_marks import Outputs
 
@@ -68,31 +69,39 @@ class Whitener:
     def level(self, window: Window, variances: Matrix) -> NoiseLevel:
         """The noise of a window."""
         evaluator, n = self.evaluator, self.evaluator.gains.n
-        noise = evaluator.responses(window).sources(np.zeros((n, n)), window.spread)
+        responses = evaluator.responses(window)
+        noise = responses.sources(np.zeros((n, n)), window.spread)
         position = None
         if evaluator.gains.rule == "position":
-            position = self._position(self._whitening(window))
+            white = self._whitening(window, responses)
+            position = self._position(window, responses, white)
         return NoiseLevel(variances, float(np.linalg.norm(noise, 2)), position)
 
     def exact_position(self, window: Window) -> tuple[Position, float]:
         """The values for y that is exact, and what the output itself leaves in them."""
         T = whitening(window.taps, np.ones_like(window.spread)).T
         own = T @ (window.taps.T @ window.y).T.reshape(-1)
-        return self._position(T), float(np.linalg.norm(own))
+        position = self._position(window, self.evaluator.responses(window), T)
+        return position, float(np.linalg.norm(own))
 
-    def _position(self, T: Matrix) -> Position:
-        """The values by which position is judged, features made white by T."""
-        curve = self.evaluator.curve
-        b = curve.states[1:, curve.n :]
-        return Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
+    def _position(self, window: Window, responses: Responses, T: Matrix) -> Position:
+        """The values by which position is judged, features made white by T.
 
-    def _whitening(self, window: Window) -> Matrix:
+        Impulses as samples show them: where K copies what one sensor shows into the residual of
+        another that is all but exact, their difference to smooth responses stands out of its noise.
+        """
+        evaluator, ages = self.evaluator, self.evaluator.curve.ages[1:]
+        onsets = window.t[0] + evaluator.run.tau - ages
+        b, _ = responses.impulses(evaluator.gains, window.t, onsets)
+        return Position.from_curve(T, ages, b, evaluator.oldest)
+
+    def _whitening(self, window: Window, responses: Responses) -> Matrix:
         """T (r, p m): white with the noise that K makes of earlier samples, and with rounding."""
         evaluator, n, spread = self.evaluator, self.evaluator.gains.n, window.spread
         steady = _STEADY_WINDOWS * evaluator.run.tau
         P = propagated(evaluator.run, np.zeros((n, n)), steady, window.t, spread)
         T = whitening(window.taps, spread).T
-        noise = evaluator.responses(window).sources(square_root(P), spread)
+        noise = responses.sources(square_root(P), spread)
         size = (np.abs(window.taps.T) @ np.abs(window.y)).T.reshape(-1)
         upper = np.linalg.qr(np.vstack([noise, np.diag(_ROUNDING * size)]) @ T.T)[1]
         return np.asarray(np.linalg.solve(upper.T, T))

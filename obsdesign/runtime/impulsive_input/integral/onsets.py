@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Indices, Matrix
-from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.event import Event, onset_statistics
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
-from obsdesign.runtime.impulsive_input.integral.window_noise import Responses
+from obsdesign.runtime.impulsive_input.integral.window_noise import Responses, first_rows
 from obsdesign.runtime.impulsive_input.whitening import Weighted, log_prior
 
 _POINTS = 80  # intervals of a grid of onsets
@@ -26,7 +25,6 @@ _CELLS = 2.0  # cells between samples on each side of the fit, at first
 _REFINEMENTS = 12  # of the grid, tenfold each
 _MAX_NEIGHBOUR_PROBABILITY = 0.8  # probability of three neighbours from which a grid is too coarse
 _LEAST_SHARE = 1e-12  # of responses to several directions that a grid tells apart
-_EQUAL_TIMES = 1e-12  # of the window: times closer than this are one
 _NEGLECTED_RATIO = 40.0  # twice the log-likelihood by which the ends of a grid must be behind
 
 
@@ -120,20 +118,13 @@ class OnsetGrid:
 
     def _searched(self, onset: float) -> tuple[float, float]:
         """Ends of the cell between samples that holds a fitted onset."""
-        c = self._cells(np.array([onset]))[0]
+        c = first_rows(self.times, np.array([onset]), self.run.tau)[0]
         return float(self.times[c - 1]), float(self.times[c])
-
-    def _cells(self, onsets: Matrix) -> Indices:
-        """Row at which the samples first show each onset."""
-        rows = np.searchsorted(self.times, onsets - _EQUAL_TIMES * self.run.tau)
-        return np.clip(rows, 1, len(self.times) - 1)
 
     def _left(self, onsets: Matrix) -> tuple[Matrix, Matrix]:
         """(b (G, r, q), states (G, n, q)) of impulses of weight 1."""
-        cells, gains, shown = self._cells(onsets), self.run.gains, self.responses
-        late = np.maximum(self.times[cells] - onsets, 0.0)
-        jumps = expm(gains.A * late[:, None, None]) @ gains.H
-        return self.features.T @ (shown.onsets[cells] @ jumps), shown.states[cells] @ jumps
+        raw, states = self.responses.impulses(self.run.gains, self.times, onsets)
+        return self.features.T @ raw, states
 
     def _at(self, low: float, high: float) -> Posterior | None:
         """The posterior on an even grid."""

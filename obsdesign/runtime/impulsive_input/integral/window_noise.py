@@ -16,11 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.exponential import expm
+from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.recursions import accumulated, doubled
 from obsdesign.runtime.impulsive_input.whitening import Weighted
+
+_EQUAL_TIMES = 1e-12  # of the window: times closer than this are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +74,25 @@ class Responses:
             states=moved_on[:, size:], noise=sources[:, :, :size], ends=sources[:, :, size:],
         )  # fmt: skip
 
+    def impulses(
+        self, gains: IntegralGains, times: Matrix, onsets: Matrix
+    ) -> tuple[Matrix, Matrix]:
+        """(features (G, r, q), states (G, n, q)) of impulses of weight 1 at onsets (G,)."""
+        cells = first_rows(times, onsets, gains.window)
+        late = np.maximum(times[cells] - onsets, 0.0)
+        jumps = expm(gains.A * late[:, None, None]) @ gains.H
+        return self.onsets[cells] @ jumps, self.states[cells] @ jumps
+
     def sources(self, root: Matrix, spread: Matrix) -> Matrix:
         """Coefficients of all sources, (n + rows p, r); root (n, n): F; spread (rows, p)."""
         noise = (self.noise * spread[:, :, None]).reshape(spread.size, -1)
         return np.vstack([(self.V @ root).T, noise])
+
+
+def first_rows(times: Matrix, onsets: Matrix, tau: float) -> Indices:
+    """Rows of a window of length tau at which the samples first show each onset (G,)."""
+    rows = np.searchsorted(times, onsets - _EQUAL_TIMES * tau)
+    return np.clip(rows, 1, len(times) - 1)
 
 
 @dataclass(frozen=True, eq=False)
