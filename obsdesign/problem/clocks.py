@@ -118,7 +118,7 @@ class Sensor(Output):
     grid k every; losses: most samples in a row that may be missing. sends_on_change (p,): it sends
     a sample as soon as the reading of an output has changed by so much since the last one, and
     after every[1] at the latest; None where it does not. sees: at an event it sees the state before
-    or after. report_delay: longest time until a sample is known.
+    or after. report_delay: longest time until a sample is known. time_error: refused above 0.
     """
 
     is_named: ClassVar[bool] = True
@@ -149,6 +149,9 @@ class Sensor(Output):
     report_delay: float = file_entry(
         NONNEGATIVE, "Longest time until a row with its sample arrives; default 0.", default=0.0
     )
+    time_error: float = file_entry(
+        NONNEGATIVE, "Refused above 0: state a larger noise_bound; default 0.", default=0.0
+    )
     sees: str = file_entry(
         one_of(*SEES), "At an event it sees the state before or after; default before.",
         default="before",
@@ -170,6 +173,7 @@ class Sensor(Output):
             )
         set_fields(self, measured=self._measured(), jump_measurement=self.sees)
         _check_delay(self)
+        self._check_stamps()
         if self.sends_on_change is not None:
             self._check_change(self.sends_on_change)
 
@@ -201,6 +205,16 @@ class Sensor(Output):
             return IRREGULAR
         set_fields(self, period=period)
         return "periodic"
+
+    def _check_stamps(self) -> None:
+        """InputError unless samples are taken at their stamps; the error then belongs to v."""
+        error, entry = real(self.time_error, f"{self.entry}.time_error"), self.entry
+        if error != 0.0:
+            raise InputError(
+                f"{entry}.time_error is not available: state a {entry}.noise_bound that is larger "
+                f"by {error:g} times the largest rate of change of C x, and leave out samples "
+                "stamped within that time of an event that changes C x."
+            )
 
     def _check_change(self, values: Value) -> None:
         """InputError unless it may send at any time, at once, when a reading has changed."""

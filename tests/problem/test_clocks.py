@@ -31,6 +31,12 @@ def test_a_problem_of_events_and_sensors_survives_its_own_text() -> None:
     assert bounds.tolist() == [[-0.02, 0.02], [-0.1, 0.2]]
 
 
+def test_a_sensor_may_say_that_its_stamps_are_exact() -> None:
+    body = copy.deepcopy(DOSES)
+    body["sensor"][1]["time_error"] = 0
+    assert Problem.from_dict(body) == Problem.from_dict(DOSES)
+
+
 REFUSALS: list[tuple[tuple[Any, ...], Any, str]] = [
     (("event", 0, "name"), "x1", "'x1' is kept for other columns"),
     (("event", 0, "name"), "received", "'received' is kept for other columns"),
@@ -42,7 +48,12 @@ REFUSALS: list[tuple[tuple[Any, ...], Any, str]] = [
     (("event", 0, "E"), [[1], [0]], "event.dose.E must have 3 rows"),
     (("event", 1, "G"), [[1, 0]], "event.bolus.G must be square"),
     (("sensor", 1, "period"), 6, r"'period' in \[sensor.tissue\]: it is 'every' there"),
-    (("sensor", 1, "time_error"), 6, r"unknown key 'time_error' in \[sensor.tissue\]"),
+    (
+        ("sensor", 1, "time_error"),
+        0.5,
+        r"noise_bound that is larger by 0\.5 times the largest rate",
+    ),
+    (("sensor", 1, "time_error"), -1, "sensor.tissue.time_error must be a number >= 0"),
     (("sensor", 1, "jitter"), 3.5, "sensor.tissue.jitter must be from 0 to half of every, 3"),
     (("sensor", 1, "every"), [0, 6], "jitter requires a number as sensor.tissue.every"),
     (("sensor", 1, "every"), "often", "sensor.tissue.every must be a positive number"),
