@@ -58,6 +58,11 @@ class EventGains(Stored):
         return 0 if self.E is None else int(self.E.shape[1])
 
     @property
+    def counted_inputs(self) -> Array:
+        """Largest |w| (l,) that claims of widths are for: input_bound, or 1 where it is absent."""
+        return np.ones(self.inputs) if self.input_bound is None else self.input_bound
+
+    @property
     def dwell_range(self) -> tuple[float, float]:
         """(shortest, longest) time since the last one; (0, inf) where every one is allowed."""
         low, high = (0.0, math.inf) if self.dwell_time is None else self.dwell_time

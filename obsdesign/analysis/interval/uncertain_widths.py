@@ -43,11 +43,6 @@ class UncertainSystem(ClockSystem):
         event, name = self.event, self.event.name
         if event.dwell_time is None:
             return f"event.{name}.every is not stated"
-        if event.E is not None and event.input_bound is None:
-            return (
-                f"event.{name}.input_bound is not stated: the width grows with time_error times "
-                "what the event adds"
-            )
         if not is_short(self.gains.A, 2 * self.delta):
             return (
                 f"event.{name}.time_error is long against the fastest mode of the flow, where no "
@@ -76,9 +71,9 @@ class UncertainSystem(ClockSystem):
         """Columns (n, k): their sum, each with any sign, is what an event adds beside c."""
         lower, upper = image_box(*self.event.disturbance)
         middle = (lower + 0.5 * (upper - lower))[:, None]
-        if self.event.E is None or self.event.input_bound is None:
+        if self.event.E is None:
             return middle
-        scaled = self.event.E * self.event.input_bound
+        scaled = self.event.E * self.event.counted_inputs
         return np.hstack([middle, np.where(scaled == 0, 0.0, scaled * (1 + 4e-16))])
 
     @cached_property

@@ -63,8 +63,8 @@ class SizeSystem(UncertainSystem):
         """What an event makes of it."""
         lower, upper = image_box(*self.event.disturbance)
         added = np.maximum(np.abs(lower), np.abs(upper))
-        if self.event.E is not None and self.event.input_bound is not None:
-            added = raised(added + times(np.abs(self.event.E), self.event.input_bound), 2)
+        if self.event.E is not None:
+            added = raised(added + times(np.abs(self.event.E), self.event.counted_inputs), 2)
         return (Least(((abs(exact(self.event.G)), exact(added)),)),)
 
 

@@ -30,7 +30,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     """The sentences a user may rely on, and those that were required and not proved."""
     plant = problem.plant
     if plant.uncertain_events:
-        return uncertain_guarantees(claims)
+        return uncertain_guarantees(problem, claims)
     if plant.needs_clock_gains:
         return clocked_guarantees(problem, claims)
     verdicts = {claim.id: claim.verdict for claim in claims}
@@ -63,7 +63,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
     """Sentences on clocks without a graph, and on gains that are all zero."""
     if problem.plant.uncertain_events:
-        return uncertain_warnings(claims)
+        return uncertain_warnings(problem, claims)
     if problem.plant.flow.dt is not None:
         verdicts = {claim.id: claim.verdict for claim in claims}
         is_open = verdicts["consistent"] == "proved" and "event_stability" not in verdicts

@@ -21,6 +21,7 @@ from obsdesign.analysis.interval.uncertain_widths_general import (
 )
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
+from obsdesign.equations.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.interval.several_clocks import expected_of_clocks, proved_width
@@ -34,6 +35,10 @@ _ENCLOSURE = (
     "events and whatever the rounding."
 )
 _NO_WIDTH = "No width of the bounds is guaranteed: the times of several events are independent."
+_UNIT_INPUTS = (
+    "event.{}.input_bound is not stated: the proved width is for known inputs up to 1, and grows "
+    "with them. input_bound = [...], the largest of each, gives the width for these."
+)
 _SOURCE = "docs/uncertain_times.md; comparison with fewer samples"
 
 
@@ -57,11 +62,27 @@ def uncertain_claims(
         f"asymptotically, as long as {name} happens, the width of the bounds is at most `before` "
         "just before an event may happen, `after` once it has, and `always` at any time farther "
         "than time_error from every stamp, for all times of events, stamps and samples that the "
-        "clocks allow and known inputs within input_bound",
+        f"clocks allow{_inputs(problem.plant)}",
         _SOURCE,
         _width(gains, certificates.get("late_width", {})),
     )
     return (agreement, width)
+
+
+def _has_unit_inputs(plant: Plant) -> bool:
+    """Has its one event known inputs without a bound?"""
+    event = plant.events[0]
+    return event.E is not None and event.largest_input is None
+
+
+def _inputs(plant: Plant) -> str:
+    """The inputs for which widths are claimed, in words."""
+    if plant.events[0].E is None:
+        return ""
+    if not _has_unit_inputs(plant):
+        return " with known inputs within input_bound"
+    # all that enters the widths is at most N times as large, and their maps are concave
+    return " with known inputs up to 1, N times that with those up to N >= 1"
 
 
 def _width(gains: ClockedIntervalGains, proposed: Entries) -> Verdict:
@@ -106,25 +127,31 @@ def _plus(body: list[float], half: Matrix) -> list[float]:
     return total
 
 
-def uncertain_guarantees(claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
+def uncertain_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     enclosure = Guarantee.from_verdicts(_ENCLOSURE, ["consistent"], verdicts)
     evidence = next((claim.evidence for claim in claims if claim.id == "late_width"), None)
     if evidence is None or verdicts["late_width"] != "proved":
         return (enclosure,)
-    width = Guarantee.from_verdicts(_width_sentence(evidence), ["late_width"], verdicts)
+    sentence = _width_sentence(evidence, _inputs(problem.plant))
+    width = Guarantee.from_verdicts(sentence, ["late_width"], verdicts)
     return (
         enclosure, width, Guarantee.from_verdicts(ROUNDED_WIDTHS, ["late_width"], verdicts)
     )  # fmt: skip
 
 
-def uncertain_warnings(claims: tuple[Claim, ...]) -> tuple[str, ...]:
-    """Sentence on several events, of which no width is claimed."""
-    return () if any(claim.id == "late_width" for claim in claims) else (_NO_WIDTH,)
+def uncertain_warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """Sentence on several events, of which no width is claimed, or on inputs without a bound."""
+    verdicts = {claim.id: claim.verdict for claim in claims}
+    if "late_width" not in verdicts:
+        return (_NO_WIDTH,) if len(problem.plant.events) > 1 else ()
+    if verdicts["late_width"] == "proved" and _has_unit_inputs(problem.plant):
+        return (_UNIT_INPUTS.format(problem.plant.events[0].name),)
+    return ()
 
 
-def _width_sentence(evidence: Entries) -> str:
+def _width_sentence(evidence: Entries, inputs: str) -> str:
     words = {
         "always": "farther than time_error from every stamp",
         "before": "just before an event may happen",
@@ -135,6 +162,6 @@ def _width_sentence(evidence: Entries) -> str:
         for name, text in words.items()
     ]
     return (
-        f"Asymptotically the width of the bounds is at most {', '.join(parts)}. While an "
-        "event may have happened or not, the bounds contain both."
+        f"Asymptotically the width of the bounds is at most {', '.join(parts)}{inputs}. "
+        "While an event may have happened or not, the bounds contain both."
     )

@@ -197,16 +197,39 @@ def test_a_word_in_place_of_a_width_is_refuted(design: Design, entry: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        ({"input_bound": None}, "event.dose.input_bound is not stated"),
-        ({"every": None}, "event.dose.every is not stated"),
-    ],
+    ("plant", "inputs"), [(PK, [100.0]), (TURNING, [3.0])], ids=["additive", "turning"]
 )
-def test_what_is_left_open_is_undecided(change: dict[str, Any], reason: str) -> None:
-    outcome = workflow.investigate(changed(**change))
+def test_without_input_bound_widths_grow_with_the_inputs(
+    plant: dict[str, Any], inputs: list[float]
+) -> None:
+    """Proved for inputs up to 1; N times that holds for those up to N, and once it does not."""
+    own = {key: value for key, value in plant["event"][0].items() if key != "input_bound"}
+    own["E"] = np.eye(len(plant["flow"]["A"]), 1).tolist()
+    design = obsdesign.design(Problem(**{**plant, "event": [own]}))
+    stated = obsdesign.design(Problem(**{**plant, "event": [{**own, "input_bound": [1]}]}))
+    always = np.array(width_claim(design).evidence["always"])
+    assert always.tolist() == width_claim(stated).evidence["always"]
+    assert f"event.{own['name']}.input_bound is not stated" in str(design.warnings)
+    assert "known inputs up to 1, N times that" in design.guarantees[1].statement
+    assert not stated.warnings
+    shortest, error = own["every"][0], own["time_error"] * 1.001
+    rows = [Sample(0.0)]
+    for t in (shortest * np.arange(1, 15)).tolist():
+        happens = Sample(t, w=np.array(inputs), jump=True, events=(0,))
+        rows += [Sample(t - error), happens, Sample(t + error), Sample(t + 2 * error)]
+    observer: Any = from_design(design)
+    state = observer.init(0.0, lower=np.zeros(len(always)), upper=np.zeros(len(always)))
+    listed = list(observer.run(state, rows))[-4:]
+    widest = np.max([e.upper - e.lower for e in (listed[0], *listed[2:])], axis=0)
+    assert (widest <= inputs[0] * always).all()
+    assert (widest > always).any()
+
+
+def test_what_is_left_open_is_undecided() -> None:
+    outcome = workflow.investigate(changed(every=None))
     assert outcome.verdict == "undecided"
-    assert reason in next(claim.evidence["reason"] for claim in outcome.claims[1:])
+    reason = next(claim.evidence["reason"] for claim in outcome.claims[1:])
+    assert "event.dose.every is not stated" in reason
 
 
 def test_a_flow_that_does_not_decay_is_undecided() -> None:
