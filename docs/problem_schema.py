@@ -15,6 +15,7 @@ from obsdesign.problem.flow import Flow
 from obsdesign.problem.modes import Mode
 from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF
 from obsdesign.problem.output import Output
+from obsdesign.problem.parameters import Parameter, StateBox
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
 from obsdesign.problem.timing import Timing
@@ -42,11 +43,16 @@ BLOCKS = {
     "flow": (Flow, "x'(t) = A x + B u(t) + D d(t) + b(t) between jumps."),
     "jump": (Jump, "x(t) = G x(t-) + E w[k] + H g[k] + c[k] at jump times."),
     "output": (Output, "y = C x + v."),
+    "state": (StateBox, "lower <= x(t) <= upper at every instant, as the user vouches."),
     "timing": (Timing, "What the clocks of events have in common."),
 }
 CLOCKS = {
     "event": (Event, "A jump by a name of its own, as [jump], on a clock of its own."),
     "sensor": (Sensor, "An output by a name of its own, as [output], on a clock of its own."),
+    "parameter": (
+        Parameter,
+        "A number p known up to a range: A(p) = flow.A + p A, likewise B, G, E, C.",
+    ),
     "mode": (Mode, "What differs in a mode from [flow] and the sensor, and how long it lasts."),
 }
 KIND = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from lmi.arithmetic.arrays import Matrix
@@ -64,6 +64,10 @@ class Flow(Disturbed, Protocol):
         """Bounds of the unknown input, None without any."""
 
     @property
+    def A_radius(self) -> Matrix | None:
+        """Half-widths of the entries of A (n, n), None where A is known."""
+
+    @property
     def dt(self) -> float | None:
         """Step of discrete time, None for a flow."""
 
@@ -93,6 +97,10 @@ class Jump(Disturbed, Protocol):
     @property
     def H(self) -> Matrix | None:
         """(n, r), None without unknown impulses."""
+
+    @property
+    def G_radius(self) -> Matrix | None:
+        """Half-widths of the entries of G (n, n), None where G is known."""
 
     @property
     def stamp_error(self) -> float:
@@ -143,6 +151,10 @@ class Output(Protocol):
         """(p, n)."""
 
     @property
+    def C_radius(self) -> Matrix | None:
+        """Half-widths of the entries of C (p, n), None where C is known."""
+
+    @property
     def noise_bound(self) -> Matrix | None:
         """(p,) or (p, 2), None where there is none."""
 
@@ -183,6 +195,48 @@ class Timing(Protocol):
         """Least time between two events of different names."""
 
 
+class Parameter(Protocol):
+    """A number that is known up to a range, and what one unit of it adds to the matrices."""
+
+    @property
+    def name(self) -> str:
+        """Name of the parameter."""
+
+    @property
+    def entry(self) -> str:
+        """What messages call it."""
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """(lowest, highest)."""
+
+    @property
+    def constant(self) -> bool:
+        """Is it one unknown number for ever?"""
+
+    @property
+    def effects(self) -> Mapping[str, Matrix]:
+        """What one unit adds to A, B, G, E, C, of those to which it adds."""
+
+    def check_sizes(self, nominal: Mapping[str, Matrix | None], /) -> None:
+        """An error unless each effect has the shape of what it adds to."""
+
+
+class StateBox(Protocol):
+    """A box in which the state is stated to stay."""
+
+    @property
+    def lower(self) -> Matrix:
+        """(n,)."""
+
+    @property
+    def upper(self) -> Matrix:
+        """(n,)."""
+
+    def check_sizes(self, n: int, /) -> None:
+        """An error unless it bounds n states."""
+
+
 class Plant(Protocol):
     """A flow, its events if it has any, and its sensors."""
 
@@ -201,6 +255,22 @@ class Plant(Protocol):
     @property
     def timing(self) -> Timing:
         """What clocks have in common."""
+
+    @property
+    def has_tables(self) -> bool:
+        """Is it of [[event]] and [[sensor]] in a file?"""
+
+    @property
+    def modes(self) -> Sequence[object]:
+        """Flows that take turns."""
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """Numbers that are known up to a range."""
+
+    @property
+    def state(self) -> StateBox | None:
+        """Box in which the state is stated to stay, None where none is."""
 
     @property
     def has_one_clock(self) -> bool:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, NewEntries, Value
-from obsdesign.entries import bounds, matrix, require_shape
+from obsdesign.entries import bounds, matrix, require_shape, shown
 from obsdesign.equations.boxes import image_box
+from obsdesign.errors import InputError
 
 DISTURBANCE = "Bounds of {}, or of w where there is a disturbance_matrix; default 0."
 
@@ -67,6 +68,15 @@ class DisturbedBlock(Block):
                 result[key] = matrix(values, f"{name}.{key}")
                 require_shape(result[key], f"{name}.{key}", (n, None), f"one per state of {states}")
         return result
+
+
+def radius_matrix(values: Value, entry: str, shape: tuple[int, ...], why: str) -> Matrix:
+    """Half-widths of the entries of a matrix; InputError unless all are >= 0 in its shape."""
+    radius = matrix(values, entry)
+    require_shape(radius, entry, shape, why)
+    if (radius < 0).any():
+        raise InputError(f"{entry} must hold numbers >= 0; got {shown(radius)}.")
+    return radius
 
 
 def set_fields(target: object, **values: Value) -> None:

@@ -65,6 +65,7 @@ class Event(Jump):
     )  # fmt: skip
     dwell_time: tuple[float, float] | None = field(default=None, init=False)
     dwell_jitter: float = field(default=math.inf, init=False)
+    G_radius: Matrix | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         check_name(self.name, "event")
@@ -159,6 +160,7 @@ class Sensor(Output):
     measured: str = field(default=IRREGULAR, init=False)
     period: float | None = field(default=None, init=False)
     jump_measurement: str = field(default="before", init=False)
+    C_radius: Matrix | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         check_name(self.name, "sensor")

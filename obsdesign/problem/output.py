@@ -14,7 +14,7 @@ from obsdesign.column_names import numbered
 from obsdesign.entries import matrix, missing_entry, positive, real
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
-from obsdesign.problem.blocks import Block, set_fields
+from obsdesign.problem.blocks import Block, radius_matrix, set_fields
 from obsdesign.problem.noise import noise_numbers, noise_pairs
 from obsdesign.problem.schema import POSITIVE, file_entry, one_of, ref
 
@@ -38,6 +38,7 @@ class Output(Block):
 
     measured: continuous, periodic (with period, in the unit of time of flow.A) or at_jumps;
     jump_measurement: at a jump y is that of the state before or after it, or there is none.
+    C_radius (p, n): a parameter for each entry of C, None where C is known.
     InputError as for `Flow`.
     """
 
@@ -69,6 +70,9 @@ class Output(Block):
         "What a measurement stamped with a jump time saw; default before.",
         default="before",
     )
+    C_radius: Matrix | None = file_entry(
+        ref("matrix"), "p x n: each entry of C is known up to so much.", default=None
+    )
 
     @property
     def entry(self) -> str:
@@ -79,6 +83,9 @@ class Output(Block):
         """InputError unless C is a matrix and the noise fits it; arrays from now on."""
         C = matrix(self.C, f"{self.entry}.C")
         set_fields(self, C=C)
+        if self.C_radius is not None:
+            radius = radius_matrix(self.C_radius, f"{self.entry}.C_radius", C.shape, "as output.C")
+            set_fields(self, C_radius=radius)
         if self.noise_bound is not None:
             pairs = noise_pairs(self.noise_bound, C, self.entry)
             if pairs is None:
@@ -160,6 +167,22 @@ class Output(Block):
 def every_step(sensor: Output, dt: float) -> Output:
     """A sensor of a plant in discrete time: what is read always is read at every step."""
     return sensor.at_every_step(dt) if sensor.measured == "continuous" else sensor
+
+
+def check_sends_on_change(
+    sensors: Sequence[Output], dt: float | None, uncertain: Sequence[str]
+) -> None:
+    """InputError where discrete time, uncertain events or sensors that send on change meet.
+
+    dt: step of discrete time; uncertain: names of the events whose time stamps have an error.
+    """
+    senders = [sensor.entry for sensor in sensors if sensor.sends_on_change is not None]
+    for entry in senders if dt is not None else ():  # a reading changes from step to step
+        raise InputError(f"{entry}.sends_on_change is not available with flow.dt.")
+    for name in uncertain:
+        beside = ["flow.dt"] if dt is not None else [f"{s}.sends_on_change" for s in senders]
+        for entry in beside:
+            raise InputError(f"event.{name}.time_error is not available with {entry}.")
 
 
 def stacked(sensors: Sequence[Output]) -> Output:

@@ -12,6 +12,7 @@ from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.problem.flow import Flow, InputBounds
 from obsdesign.problem.modes import Mode
 from obsdesign.problem.output import Output
+from obsdesign.problem.parameters import Parameter, StateBox
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import entry_name
 from obsdesign.problem.timing import Timing
@@ -25,6 +26,9 @@ def as_block(value: Value) -> Value:
         block = {name: as_block(getattr(value, name)) for name in names}
         ends = {name: block.pop(name) for name in ("lower", "upper") if name in block}
         return block | ({"disturbance": ends} if ends else {})
+    if isinstance(value, Parameter | StateBox):
+        own = {x.name: as_block(getattr(value, x.name)) for x in fields(value)}
+        return {name: entry for name, entry in own.items() if entry is not None}
     if isinstance(value, InputBounds):
         return as_block(value.to_entry())
     if isinstance(value, Mapping):

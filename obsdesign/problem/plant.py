@@ -27,10 +27,11 @@ from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import JUMP
 from obsdesign.entries import matrix, missing_entry, real, require_shape, size_text
 from obsdesign.errors import InputError, naming
-from obsdesign.problem.blocks import DISTURBANCE, DisturbedBlock, set_fields
+from obsdesign.problem.blocks import DISTURBANCE, DisturbedBlock, radius_matrix, set_fields
 from obsdesign.problem.flow import Flow
 from obsdesign.problem.modes import Mode, check_events_of_modes, check_modes
-from obsdesign.problem.output import IRREGULAR, Output, every_step, stacked
+from obsdesign.problem.output import IRREGULAR, Output, check_sends_on_change, every_step, stacked
+from obsdesign.problem.parameters import Parameter, StateBox, check_parameters, radius_parameters
 from obsdesign.problem.schema import DWELL_RANGE, file_entry, ref
 from obsdesign.problem.several_clocks import require_fixed, require_one
 from obsdesign.problem.time_ranges import require_on_grid, time_range
@@ -71,6 +72,9 @@ class Jump(DisturbedBlock):
     )
     disturbance_matrix: Matrix | None = file_entry(
         ref("matrix"), "n x k: c = W w, and disturbance bounds w.", default=None
+    )
+    G_radius: Matrix | None = file_entry(
+        ref("matrix"), "n x n: each entry of G is known up to so much.", default=None
     )
     stamp_error: float = field(default=0.0, init=False)  # of events, as the next two
     largest_input: Matrix | None = field(default=None, init=False)
@@ -120,6 +124,8 @@ class Jump(DisturbedBlock):
         names = ("E", "H", "disturbance_matrix")
         inputs = self.matrices(self.entry, names, n, why.removeprefix("one per state of "))
         lower, upper = self.checked_bounds(self.entry, n)
+        if self.G_radius is not None:
+            inputs["G_radius"] = radius_matrix(self.G_radius, "jump.G_radius", (n, n), why)
         result = copy(self)
         set_fields(result, G=G, lower=lower, upper=upper, **inputs)
         return result
@@ -135,9 +141,9 @@ class Plant:
     """Flow, events and sensors of n states and p measurements, those of all sensors together.
 
     jump: one jump, its several events, or None: the plant never jumps; output: one, or several
-    sensors; modes: flows that take turns, none by default; timing: what clocks have in common.
-    InputError where
-    their sizes differ, or y is measured at jumps and there are none.
+    sensors; modes: flows that take turns, none by default; timing: what clocks have in common;
+    parameters: numbers known up to a range; state: box of x that the user vouches for. InputError
+    where their sizes differ, or y is measured at jumps and there are none.
     """
 
     flow: Flow
@@ -145,6 +151,8 @@ class Plant:
     sensors: tuple[Output, ...]
     modes: tuple[Mode, ...]
     timing: Timing
+    stated_parameters: tuple[Parameter, ...]
+    state: StateBox | None
     n: int
     p: int
 
@@ -155,6 +163,8 @@ class Plant:
         output: Output | Sequence[Output],
         modes: Sequence[Mode] = (),
         timing: Timing | None = None,
+        parameters: Sequence[Parameter] = (),
+        state: StateBox | None = None,
     ) -> None:
         n, why = len(flow.A), f"one per state of flow.A ({size_text(flow.A)})"
         listed = (jump,) if isinstance(jump, Jump) else tuple(jump or ())
@@ -170,22 +180,13 @@ class Plant:
         p = sum(len(sensor.C) for sensor in sensors)
         set_fields(self, flow=flow, events=events, sensors=sensors, modes=tuple(modes), n=n, p=p)
         set_fields(self, timing=timing or Timing())
-        for sensor in sensors:  # in discrete time a reading changes from step to step
-            if flow.dt is not None and sensor.sends_on_change is not None:
-                raise InputError(f"{sensor.entry}.sends_on_change is not available with flow.dt.")
+        check_sends_on_change(sensors, flow.dt, self.uncertain_events)
         if modes:
             self._check_modes()
         check_events_of_modes(self.modes, events)
         self.timing.check(len(events), flow.dt, self.uncertain_events)
-        if self.uncertain_events:
-            self._check_uncertain_times(f"event.{self.uncertain_events[0]}.time_error")
-
-    def _check_uncertain_times(self, entry: str) -> None:
-        if self.flow.dt is not None:
-            raise InputError(f"{entry} is not available with flow.dt.")
-        for sensor in self.sensors:
-            if sensor.sends_on_change is not None:
-                raise InputError(f"{entry} is not available with {sensor.entry}.sends_on_change.")
+        set_fields(self, stated_parameters=tuple(parameters), state=state)
+        check_parameters(self)
 
     def _check_modes(self) -> None:
         flow, sensors = self.flow, self.sensors
@@ -221,6 +222,11 @@ class Plant:
             events = [replace(event, modes=None) for event in self.events]
             return Plant(flow, events, sensors, timing=self.timing)
         return Plant(flow, None if mode.entry_map is None else Jump(G=mode.entry_map), sensors)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All that is known up to a range: those stated, and one for each entry of a radius."""
+        return (*self.stated_parameters, *radius_parameters(self.flow, self.events, self.sensors))
 
     @property
     def jump(self) -> Jump | None:

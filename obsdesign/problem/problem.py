@@ -28,6 +28,7 @@ from obsdesign.problem.modes import Mode
 from obsdesign.problem.named_gains import nested, refuse_triggers
 from obsdesign.problem.options_base import Options
 from obsdesign.problem.output import Output
+from obsdesign.problem.parameters import Parameter, StateBox
 from obsdesign.problem.plain import as_block, entries_of
 from obsdesign.problem.plant import Jump, Plant
 from obsdesign.problem.schema_errors import check_structure
@@ -36,7 +37,10 @@ from obsdesign.problem.timing import Timing
 Blocks = Entries
 _Options = TypeVar("_Options", bound=Options)
 
-_KEYS = ("name", "flow", "jump", "output", "event", "sensor", "mode", "timing", "observer")
+_KEYS = (
+    "name", "flow", "jump", "output", "event", "sensor", "mode", "timing", "parameter", "state",
+    "observer",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -46,9 +50,10 @@ class Problem:
     Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file
     (docs/problem_file.md); arrays may be numpy arrays. event, sensor: lists of blocks, in place of
     jump and output where there are several, or they have clocks of their own; mode: list of blocks
-    of flows that take turns; timing: block of what clocks have in common. gains: by name, in the
-    shapes of the kind (L (n, p), M (n, p), ...). InputError for anything a problem file may not
-    hold; one line, which entry, what was required, what arrived.
+    of flows that take turns; timing: block of what clocks have in common; parameter: list of blocks
+    of numbers known up to a range; state: block of bounds of x. gains: by name, in the shapes of
+    the kind (L (n, p), M (n, p), ...). InputError for anything a problem file may not hold; one
+    line, which entry, what was required, what arrived.
     """
 
     name: str
@@ -69,10 +74,12 @@ class Problem:
         sensor: Sequence[Sensor | Blocks] | None = None,
         mode: Sequence[Mode | Blocks] | None = None,
         timing: Timing | Blocks | None = None,
+        parameter: Sequence[Parameter | Blocks] | None = None,
+        state: StateBox | Blocks | None = None,
     ) -> None:
         plain: NewEntries = {"name": name, "flow": flow, "output": output, "jump": jump}
         plain |= {"event": event, "sensor": sensor, "mode": mode, "timing": timing}
-        plain |= {"observer": observer}
+        plain |= {"parameter": parameter, "state": state, "observer": observer}
         body: NewEntries = {
             key: as_block(value)
             for key, value in plain.items()
@@ -120,6 +127,7 @@ class Problem:
             blocks |= {"jump": plant.jump, "output": plant.output}
         blocks |= {"mode": plant.modes or None}
         blocks |= {"timing": plant.timing if plant.timing.spacing else None}
+        blocks |= {"parameter": plant.stated_parameters or None, "state": plant.state}
         body: NewEntries = {"name": self.name}
         body |= {name: as_block(block) for name, block in blocks.items() if block is not None}
         observer = {} if self.kind is None else {"kind": self.kind}
@@ -257,14 +265,16 @@ def _plant(body: Entries) -> Plant:
     if "A" not in given:
         given["A"] = _first_of_all(body["mode"])
     flow = Flow(**given)
+    timing = Timing(**body.get("timing", {}))
+    parameters = [Parameter(**block) for block in body.get("parameter", ())]
+    state = StateBox(**body["state"]) if "state" in body else None
     if "sensor" not in body:
         jump = Jump(**entries_of(body["jump"])) if "jump" in body else None
-        timing = Timing(**body.get("timing", {}))
-        return Plant(flow, jump, Output(**body["output"]), listed, timing)
+        return Plant(flow, jump, Output(**body["output"]), listed, timing, parameters, state)
     events = [Event(**entries_of(block)) for block in body.get("event", ())]
     sensors = [Sensor(**entries_of(block)) for block in body["sensor"]]
     check_clocks(events, sensors)
-    return Plant(flow, events, sensors, listed, Timing(**body.get("timing", {})))
+    return Plant(flow, events, sensors, listed, timing, parameters, state)
 
 
 def _first_of_all(modes: Sequence[Blocks]) -> Value:

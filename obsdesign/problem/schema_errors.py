@@ -16,7 +16,7 @@ from obsdesign.kinds import GAINS
 from obsdesign.problem.option_table import OPTIONS, owners
 
 # blocks of one jump and one output, and lists of named ones, which are not mixed
-_PLAIN, _LISTED = ("jump", "output"), ("event", "sensor", "mode")
+_PLAIN, _LISTED = ("jump", "output"), ("event", "sensor", "mode", "parameter")
 # keys of [jump] and [output], and what says the same of a named one
 _OF_CLOCKS = {
     "dwell_time": "every", "measured": "every", "period": "every", "jump_measurement": "sees",
@@ -148,7 +148,7 @@ def _home(name: str, schema: Value, body: Value) -> str | None:
     blocks = {
         title: list(block.get("items", block).get("properties", {}))
         for title, block in schema["properties"].items()
-        if title not in (_PLAIN if has_tables else _LISTED)
+        if title not in ("state", "parameter", *(_PLAIN if has_tables else _LISTED))
     }
     blocks |= {"observer": _names(), "observer.gains": _gain_names(schema)}
     homes = [title for title, names in blocks.items() if name in names]

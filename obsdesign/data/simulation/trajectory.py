@@ -92,6 +92,10 @@ def simulate(
         raise InputError(
             f"disturbance must be one of {', '.join(DISTURBANCES)}; got {disturbance!r}."
         )
+    for parameter in plant.parameters:
+        raise InputError(
+            f"{parameter.entry} is uncertain; simulate needs the plant exactly in this version."
+        )
     rng = np.random.default_rng(0) if rng is None else rng
     x = _initial(plant.n, initial)
     until = default_until(plant, dwell) if until is None else positive(until, "until")
