@@ -19,15 +19,18 @@ MISFIT = "does not fit one impulse in the window"
 FAINT = "hardly above the noise in the norm of the fit"
 
 
-def onset_statistics(onsets: Matrix, probability: Matrix) -> tuple[float, float]:
-    """(mean, deviation) of an onset on an even grid (G,); a point stands for its half steps.
+def onset_statistics(
+    onsets: Matrix, probability: Matrix, steps: Matrix | float
+) -> tuple[float, float]:
+    """(mean, deviation) of an onset on a grid (G,); a point stands for its step.
 
     Of ages before the last one: a mean of stamps themselves would round once for each of them.
     """
     latest = float(onsets[-1])
     ages = latest - onsets
-    age, step = float(probability @ ages), float(onsets[1] - onsets[0])
-    return latest - age, math.sqrt(float(probability @ (ages - age) ** 2) + step**2 / 12)
+    age = float(probability @ ages)
+    variance = (ages - age) ** 2 + np.square(steps) / 12
+    return latest - age, math.sqrt(float(probability @ variance))
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,9 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import from_design
+from obsdesign.runtime.impulsive_input.integral.onsets import valleys
 from obsdesign.runtime.impulsive_input.whitening import log_evidence
-from tests.systems.impulsive_input import record
+from tests.systems.impulsive_input import events_of, observer_of, record, rows_from
 
 ONE = ([[-0.7]], [[1.0]], [[1.0]])
 FAST = ([[-0.7, 0.0], [1.0, -2.0]], [[0.0], [1.0]], [[1.0, 1.0]])  # H: the fast mode alone
@@ -114,3 +115,53 @@ def test_a_dwell_time_is_not_short_by_what_samples_do_not_show() -> None:
         y = record(body["flow"]["A"], [[1.0]], [(at, 1.0) for at in onsets], t, [0])
         events = from_design(design).run_batch(t, y, x=np.zeros(1)).events
         assert [event.status for event in events] == ["ok"] * 4
+
+
+@pytest.mark.parametrize(
+    ("noise", "seed"),
+    [
+        ({"noise_cv": [0.0012, 0.0043]}, 0),
+        ({"noise_cv": [0.0012, 0.0043]}, 2),
+        ({"noise_std": [2e-4, 7e-4]}, 1),
+        ({"noise_std": [2e-3, 7e-3]}, 1),
+    ],
+)
+def test_onsets_of_two_cells_that_leave_the_same_both_count(
+    noise: dict[str, Any], seed: int
+) -> None:
+    """Under the plain norm: as many numbers as unknowns, and an output that jumps."""
+    A, C = np.array([[-0.25, -0.94], [0.94, -0.35]]), np.array([[0, 1], [0.46, 1.2]])
+    body = {
+        "flow": {"A": A.tolist()},
+        "jump": {"H": [[1], [0]], "dwell_time": [16.0, math.inf]},
+        "output": {"C": C.tolist(), "measured": "periodic", "period": 0.19, **noise},
+        "observer": {"kind": "impulsive_input", "operator": "integral", "weighting": "plain",
+                     "gains": {"K": [[-0.08, 0.61], [0.51, -0.1]]}},
+    }  # fmt: skip
+    t, rng = 0.19 * np.arange(1090), np.random.default_rng(seed)
+    train = [(18 * k + rng.uniform(0, 2), rng.choice([-1, 1]) * rng.uniform(0.4, 3))
+             for k in range(1, 11)]  # fmt: skip
+    exact = record(A, [[1.0], [0.0]], train, t, np.zeros(2)) @ C.T
+    spread = noise.get("noise_std", np.array(noise.get("noise_cv", [0, 0])) * np.abs(exact))
+    events = events_of(
+        rows_from(observer_of(body), t, exact + spread * rng.standard_normal(exact.shape))
+    )
+    assert len(events) == len(train)
+    for event, (onset, weight) in zip(events, train, strict=True):
+        assert abs(event.t - onset) < 4 * event.t_std
+        assert abs(event.weights[0] - weight) < 4 * event.weights_std[0]
+
+
+@pytest.mark.parametrize(
+    ("cost", "borders"),
+    [
+        ([9, 4, 0, 4, 9], [0, 5]),
+        ([9, 0, 9, 0, 9], [0, 2, 5]),
+        ([9, 0, 1, 0, 9], [0, 5]),  # a ridge of rounding is none
+        ([0, 50, 40, 50, 0, 7, 7, 0], [0, 1, 3, 6, 8]),
+        ([3, 3, 3], [0, 3]),
+    ],
+)
+def test_valleys_of_the_cost_are_apart_by_ridges(cost: list[float], borders: list[int]) -> None:
+    parts = valleys(np.array(cost, float))
+    assert [parts[0].start, *(part.stop for part in parts)] == borders

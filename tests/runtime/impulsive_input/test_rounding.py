@@ -66,9 +66,9 @@ def test_the_mean_of_an_onset_is_rounded_once(origin: float, count: int) -> None
     for _ in range(20):
         ages = 4 * ulp * np.arange(count)
         p = rng.dirichlet(np.ones(count))
-        t, std = onset_statistics(origin + ages, p)
+        t, std = onset_statistics(origin + ages, p, 4 * ulp)
         assert abs((t - origin) - p @ ages) <= ulp
-        assert std == pytest.approx(onset_statistics(ages, p)[1], rel=1e-9)
+        assert std == pytest.approx(onset_statistics(ages, p, 4 * ulp)[1], rel=1e-9)
 
 
 @pytest.mark.parametrize("size", [1e3, 1e9, 1e11])

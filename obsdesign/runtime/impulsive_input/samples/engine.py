@@ -307,8 +307,8 @@ def _event(fit: Fit, freedom: int) -> Event:
 
     An onset stands for those within half a step of it, and its weight for theirs.
     """
-    p = fit.probability
-    t, t_std = onset_statistics(fit.grid.onsets, p)
+    p, onsets = fit.probability, fit.grid.onsets
+    t, t_std = onset_statistics(onsets, p, float(onsets[1] - onsets[0]))
     weight = float(p @ fit.weights)
     within = np.gradient(fit.weights) ** 2 / 12
     variance = float(p @ ((fit.weights - weight) ** 2 + within + 1 / fit.precision))
