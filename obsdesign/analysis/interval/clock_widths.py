@@ -65,8 +65,8 @@ class ClockSystem:
         """(shortest, longest) time between two events of a name."""
         return self.gains.events[event].dwell_range
 
-    def carried_age(self, cell: int) -> int:
-        """Cell of the time since a sensor was due, after an event, for that of its last sample."""
+    def carried_age(self, events: Sequence[int], cell: int) -> int:
+        """Cell of the time since a sensor was due, after events, for that of its last sample."""
         return cell
 
     @property

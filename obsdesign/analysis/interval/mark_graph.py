@@ -73,7 +73,7 @@ class MarkGraph:
             yield mark, j
             for after, time in following.get(mark, []):
                 for i in range(len(cells)):
-                    if (after, i) not in known and self._kept(sensor, (j, i), time):
+                    if (after, i) not in known and self._kept(sensor, mark, (j, i), time):
                         known.add((after, i))
                         reached.append((after, i))
 
@@ -82,11 +82,16 @@ class MarkGraph:
         times = [(each.mark, less(each.time, cell)) for each in before]
         return [Preceding(mark, time) for mark, time in times if time is not None]
 
-    def _kept(self, sensor: int, cells: tuple[int, int], time: Range) -> Range | None:
-        """Time between two marks by which the age of a sample goes from one cell to another."""
-        own, later = (self.cells[sensor][k] for k in cells)
+    def _kept(self, sensor: int, mark: int, cells: tuple[int, int], time: Range) -> Range | None:
+        """Time from a mark to the next by which the age of a sample goes from cell to cell."""
+        own = self.cells[sensor][self.carried(mark, cells[0])]
+        later = self.cells[sensor][cells[1]]
         grown = less(later, own)
         return None if grown is None else meet(time, grown)
+
+    def carried(self, mark: int, cell: int) -> int:
+        """The cell that a mark leaves of the age of a sample."""
+        return self.system.carried_age(self.marks.marks[mark].events, cell)
 
     def silence(self, sensor: int, cell: int) -> Range:
         """Times until the next sample of a sensor, where the age of the last one is in a cell."""
@@ -177,7 +182,7 @@ class MarkGraph:
             yield passage(sample, self.sampled(sensor), cells[cell])
         for before in self.preceding[mark]:
             for j in range(len(cells)):
-                time = self._kept(sensor, (j, cell), before.time)
+                time = self._kept(sensor, before.mark, (j, cell), before.time)
                 if time is not None and (before.mark, j) in self.aged[sensor]:
                     source = self.place("aged", before.mark, sensor, j)
                     yield passage(source, self.event(before.mark), time)
@@ -207,7 +212,7 @@ class MarkGraph:
         """To a time before a mark, in a range, from marks since which a sensor was silent."""
         for before in self.preceding[mark]:
             for j in range(len(self.cells[sensor])):
-                since = meet(before.time, self.silence(sensor, self.system.carried_age(j)))
+                since = meet(before.time, self.silence(sensor, self.carried(before.mark, j)))
                 time = None if since is None else less(since, earlier)
                 if time is not None and (before.mark, j) in self.aged[sensor]:
                     source = self.place("aged", before.mark, sensor, j)

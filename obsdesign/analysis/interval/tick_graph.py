@@ -91,7 +91,7 @@ class TickGraph(TimeGraph):
     def _ages(self, kind: int, sensor: int, k: int) -> set[int]:
         """Cells of the last sample at a tick, for k = 0 those that the mark leaves."""
         if not k:
-            return {self.system.carried_age(i) for i in self._at_mark(kind, sensor)}
+            return {self.carried_of(kind, i) for i in self._at_mark(kind, sensor)}
         ticks, cells = self.ticks[sensor], range(len(self.cells[sensor]))
         if k == ticks.count:  # it stands for later ones too, at which any age is reached
             return set(cells)
@@ -110,7 +110,7 @@ class TickGraph(TimeGraph):
             yield passage(self.place("tick", kind, sensor, k, cell), None, time)
             return
         for i in self._at_mark(kind, sensor):
-            if self.system.carried_age(i) == cell:
+            if self.carried_of(kind, i) == cell:
                 yield passage(self.place("aged_kind", kind, sensor, i), kind, time)
 
     def _of_tick(self, kind: int, sensor: int, k: int, cell: int) -> list[Strategy]:

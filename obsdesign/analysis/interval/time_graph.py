@@ -83,6 +83,10 @@ class TimeGraph(MarkGraph):
                 return [*super().strategies(node), earlier]
         return super().strategies(node)
 
+    def carried_of(self, kind: int, cell: int) -> int:
+        """The cell that marks of a kind leave of the age of a sample."""
+        return self.system.carried_age(self.marks.kinds[kind], cell)
+
     def _of_kind(self, kind: int) -> list[int]:
         return [mark for mark in self.preceding if self.event(mark) == kind]
 
@@ -148,6 +152,6 @@ class TimeGraph(MarkGraph):
     def _silent(self, kind: int, sensor: int, times: Range) -> Iterator[Passage]:
         """From the mark, where there is no sample since."""
         for j in range(len(self.cells[sensor])):
-            time = meet(times, self.silence(sensor, self.system.carried_age(j)))
+            time = meet(times, self.silence(sensor, self.carried_of(kind, j)))
             if time is not None and any((x, j) in self.aged[sensor] for x in self._of_kind(kind)):
                 yield passage(self.place("aged_kind", kind, sensor, j), kind, time)

@@ -1,12 +1,15 @@
 """What systems of widths with one event at uncertain times have in common.
 
-Times count from the end of one window to the beginning of the next: stamps T1 to T2 apart leave
-T1 - 2 delta to T2.
+Times count outside windows: stamps T1 to T2 apart leave T1 - 2 delta to T2 from the end of one
+window to the beginning of the next. Other events are exact and add to the state alone: one that
+happens in a window counts as just before it, since the bound of the window is one of all times left
+in it. Windows take at most floor(t / T1) 2 delta + min(2 delta, t mod T1) of a time t.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -18,20 +21,49 @@ from lmi.arithmetic.balls import to_float
 from lmi.arithmetic.enclosure import Enclosure, expm, raised
 from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.equations.boxes import image_box
-from obsdesign.equations.clocks import EventGains
+from obsdesign.equations.clocks import EventGains, SensorGains
 from obsdesign.equations.interval.uncertain_jump import is_short
 
 CELLS = 64  # of a window
+
+
+def reason_against_events(
+    events: Sequence[EventGains], sensors: Sequence[SensorGains]
+) -> str | None:
+    """Reason why no width is proved for several events, one at uncertain times; or None."""
+    uncertain = [event for event in events if event.time_error]
+    if len(uncertain) > 1:
+        listed = ", ".join(event.name for event in uncertain)
+        return f"widths are proved for one event with time_error; the plant has several ({listed})"
+    names = [x.name for x in events if x.changes_state or x.name in {y.event for y in sensors}]
+    if len(events) > 1 and names:
+        return (
+            "widths with several events, one of them with time_error, are proved where all have "
+            f"G = I and no sensor is read at one; it is otherwise for {', '.join(names)}"
+        )
+    window = 2 * (uncertain[0].time_error or 0.0)
+    for event in events:
+        if event not in uncertain and event.dwell_range[0] <= window:
+            return (
+                f"event.{event.name}.every does not say that {event.name} happens once at most in "
+                f"the window of {uncertain[0].name}: its shortest time must be above {window:g}"
+            )
+    return None
 
 
 @dataclass(frozen=True)
 class UncertainSystem(ClockSystem):
     """Clocks between windows, and the flow in them."""
 
+    @cached_property
+    def place(self) -> int:
+        """Place of the one event at uncertain times."""
+        return next(k for k, event in enumerate(self.gains.events) if event.time_error)
+
     @property
     def event(self) -> EventGains:
-        """The one event."""
-        return self.gains.events[0]
+        """The one event at uncertain times."""
+        return self.gains.events[self.place]
 
     @property
     def delta(self) -> float:
@@ -53,17 +85,19 @@ class UncertainSystem(ClockSystem):
     @cached_property
     def counted(self) -> tuple[int, ...]:
         """Sensors with a sample in every time from the end of a window to the next one."""
-        shortest = self.dwell(0)[0]
+        shortest = self.dwell(self.place)[0]
         return tuple(k for k in ClockSystem(self.gains).counted if self.gap(k) <= shortest)
 
-    def carried_age(self, cell: int) -> int:
-        """The first cell: behind a sample in the window, which is not used, a full gap may come."""
-        return 0
+    def carried_age(self, events: Sequence[int], cell: int) -> int:
+        """The first cell behind a window: a sample in it is not used, a full gap may come."""
+        return 0 if self.place in events else cell
 
     def dwell(self, event: int) -> tuple[float, float]:
-        """(shortest, longest) time from the end of a window to the next one."""
+        """(shortest, longest) time between two events of a name, outside windows."""
         low, high = super().dwell(event)
-        shortest = Fraction(low) - 2 * Fraction(self.delta)
+        between, window = Fraction(super().dwell(self.place)[0]), 2 * Fraction(self.delta)
+        whole, part = divmod(Fraction(low), between)
+        shortest = Fraction(low) - whole * window - min(window, part)
         return math.nextafter(float(shortest), 0.0), high
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Width maps of an interval observer with one event at uncertain times, G = I; upper bounds.
+"""Width maps of an interval observer with an event at uncertain times, G = I; upper bounds.
 
 The state is kept as a body, a box, and a curve for each of the last events (`runtime`): its width
 is at most that of the body and of the curves. An event at s, within delta of its stamp, adds
@@ -57,7 +57,9 @@ class UncertainAdditiveSystem(UncertainSystem):
         return Least(tuple(maps))
 
     def happened(self, events: Sequence[int]) -> tuple[Least, ...]:
-        """What a window makes of the width of the body."""
+        """What a window, or exact events, make of the width of the body."""
+        if self.place not in events:
+            return super().happened(events)
         flow, delta = exact(self.window_flow), exact(np.array(self.delta))[()]
         c_lower, c_upper = image_box(*self.event.disturbance)
         c = exact(c_upper) - exact(c_lower)
@@ -139,7 +141,7 @@ class CurveSizes:
     def from_system(cls, system: UncertainAdditiveSystem) -> CurveSizes:
         """Those of a system whose flow decays."""
         n, C = system.gains.n, system.gains.C
-        shortest = ClockSystem(system.gains).dwell(0)[0]
+        shortest = ClockSystem(system.gains).dwell(system.place)[0]
         sizes = _sizes_by_age(system, np.vstack([np.eye(n), C]), shortest)
 
         def since(k: int) -> Matrix:

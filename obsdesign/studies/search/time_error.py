@@ -88,8 +88,7 @@ def _event_of(problem: Problem, of: str | None, width: Sequence[float] | None) -
         raise InputError(f"--of must be an event, one of {', '.join(names)}; got {of!r}.")
     if len(names) > 1:
         raise InputError(
-            f"--for largest_time_error: one event is required, widths of several are not proved; "
-            f"got {', '.join(names)}."
+            f"--for largest_time_error: one event is required; got {', '.join(names)}."
         )
     if width is not None and (len(width) != n or not all(x > 0 for x in width)):
         raise InputError(f"--width must be {n} positive numbers, one per state; got {width}.")

@@ -21,6 +21,7 @@ from obsdesign.analysis.interval.event_graph import (
     width_graph,
 )
 from obsdesign.analysis.interval.step_graph import step_graph
+from obsdesign.analysis.interval.uncertain_widths import reason_against_events
 from obsdesign.analysis.interval.uncertain_widths_additive import UncertainAdditiveSystem
 from obsdesign.analysis.interval.uncertain_widths_general import (
     SizeSystem,
@@ -49,14 +50,15 @@ def event_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[
     stability = _certificate(system, stability_graph, _CELLS_OF_STABILITY, budget)
     if "tube" not in stability:
         return {"event_stability": stability}
-    width = _certificate(system, width_graph, (_first_cells(system), _LAST_CELLS_OF_WIDTH), budget)
+    first = _first_cells(system, _LAST_CELLS_OF_WIDTH, _NODES_OF_FIRST_GRAPH)
+    width = _certificate(system, width_graph, (first, _LAST_CELLS_OF_WIDTH), budget)
     return {"event_stability": stability, "event_width": width}
 
 
-def _first_cells(system: ClockSystem) -> int:
-    """Cells of the first graph for widths: as many as leave it of a moderate size."""
-    cells = _LAST_CELLS_OF_WIDTH
-    while cells > 1 and width_graph(system, cells, _NODES_OF_FIRST_GRAPH) is None:
+def _first_cells(system: ClockSystem, most: int, nodes: int) -> int:
+    """Cells of the first graph for widths: as many, up to `most`, as leave it so many nodes."""
+    cells = most
+    while cells > 1 and width_graph(system, cells, nodes) is None:
         cells //= 2
     return cells
 
@@ -81,13 +83,15 @@ def step_certificates(gains: ClockedIntervalGains, budget: TimeBudget) -> dict[s
 
 def _uncertain_certificate(gains: ClockedIntervalGains, budget: TimeBudget) -> NewEntries:
     """Certificate of `late_width`, or the limit of its search; empty where it is not to be had."""
-    if len(gains.events) > 1:
+    if reason_against_events(gains.events, gains.sensors):
         return {}
     if not turns(gains):
         additive = UncertainAdditiveSystem(gains)
         if additive.reason_against():
             return {}
-        return _certificate(additive, width_graph, _CELLS_OF_LATE_WIDTH, budget)
+        first, last = _CELLS_OF_LATE_WIDTH
+        first = _first_cells(additive, first, _NODES_SEARCHED)
+        return _certificate(additive, width_graph, (first, last), budget)
     if UncertainGeneralSystem(gains).reason_against():
         return {}
     size = SizeSystem(gains)

@@ -13,6 +13,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.analysis.interval.several_clocks import reason_against_clocks
+from obsdesign.analysis.interval.uncertain_widths import reason_against_events
 from obsdesign.analysis.interval.uncertain_widths_additive import UncertainAdditiveSystem
 from obsdesign.analysis.interval.uncertain_widths_general import (
     SizeSystem,
@@ -20,8 +21,9 @@ from obsdesign.analysis.interval.uncertain_widths_general import (
     turns,
 )
 from obsdesign.document import Claim, Guarantee
+from obsdesign.equations.clocks import SensorGains, events_of
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
-from obsdesign.equations.plant import Plant
+from obsdesign.equations.plant import Jump, Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.interval.several_clocks import expected_of_clocks, proved_width
@@ -34,7 +36,6 @@ _ENCLOSURE = (
     "for samples of each sensor at any spacing, missing ones included, for any times between "
     "events and whatever the rounding."
 )
-_NO_WIDTH = "No width of the bounds is guaranteed: the times of several events are independent."
 _UNIT_INPUTS = (
     "event.{}.input_bound is not stated: the proved width is for known inputs up to 1, and grows "
     "with them. input_bound = [...], the largest of each, gives the width for these."
@@ -54,13 +55,13 @@ def uncertain_claims(
     agreement, gains = consistent_gains(
         reason, stored, expected, ClockedIntervalGains.from_document
     )
-    if gains is None or len(gains.events) > 1:
+    if gains is None or reason_against_events(gains.events, gains.sensors):
         return (agreement,)
-    name = gains.events[0].name
+    name = problem.plant.uncertain_events[0]
     width = Claim.from_verdict(
         "late_width",
         f"asymptotically, as long as {name} happens, the width of the bounds is at most `before` "
-        "just before an event may happen, `after` once it has, and `always` at any time farther "
+        f"just before {name} may happen, `after` once it has, and `always` at any time farther "
         "than time_error from every stamp, for all times of events, stamps and samples that the "
         f"clocks allow{_inputs(problem.plant)}",
         _SOURCE,
@@ -69,15 +70,20 @@ def uncertain_claims(
     return (agreement, width)
 
 
+def _uncertain(plant: Plant) -> Jump:
+    """The one event at uncertain times."""
+    return next(event for event in plant.events if event.stamp_error)
+
+
 def _has_unit_inputs(plant: Plant) -> bool:
-    """Has its one event known inputs without a bound?"""
-    event = plant.events[0]
+    """Has its event at uncertain times known inputs without a bound?"""
+    event = _uncertain(plant)
     return event.E is not None and event.largest_input is None
 
 
 def _inputs(plant: Plant) -> str:
     """The inputs for which widths are claimed, in words."""
-    if plant.events[0].E is None:
+    if _uncertain(plant).E is None:
         return ""
     if not _has_unit_inputs(plant):
         return " with known inputs within input_bound"
@@ -134,7 +140,7 @@ def uncertain_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[G
     evidence = next((claim.evidence for claim in claims if claim.id == "late_width"), None)
     if evidence is None or verdicts["late_width"] != "proved":
         return (enclosure,)
-    sentence = _width_sentence(evidence, _inputs(problem.plant))
+    sentence = _width_sentence(evidence, problem.plant)
     width = Guarantee.from_verdicts(sentence, ["late_width"], verdicts)
     return (
         enclosure, width, Guarantee.from_verdicts(ROUNDED_WIDTHS, ["late_width"], verdicts)
@@ -142,26 +148,29 @@ def uncertain_guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[G
 
 
 def uncertain_warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
-    """Sentence on several events, of which no width is claimed, or on inputs without a bound."""
+    """Why no width of several events is claimed, or a sentence on inputs without a bound."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     if "late_width" not in verdicts:
-        return (_NO_WIDTH,) if len(problem.plant.events) > 1 else ()
+        sensors = [SensorGains.from_sensor(sensor) for sensor in problem.plant.sensors]
+        reason = reason_against_events(events_of(problem.plant), sensors)
+        return () if reason is None else (f"No width of the bounds is guaranteed: {reason}.",)
     if verdicts["late_width"] == "proved" and _has_unit_inputs(problem.plant):
-        return (_UNIT_INPUTS.format(problem.plant.events[0].name),)
+        return (_UNIT_INPUTS.format(_uncertain(problem.plant).name),)
     return ()
 
 
-def _width_sentence(evidence: Entries, inputs: str) -> str:
+def _width_sentence(evidence: Entries, plant: Plant) -> str:
+    name = _uncertain(plant).name
     words = {
         "always": "farther than time_error from every stamp",
-        "before": "just before an event may happen",
+        "before": f"just before {name} may happen",
         "after": "once it has happened",
     }
     parts = [
-        f"({', '.join(six_digits(x, ROUND_CEILING) for x in evidence[name])}) {text}"
-        for name, text in words.items()
+        f"({', '.join(six_digits(x, ROUND_CEILING) for x in evidence[part])}) {text}"
+        for part, text in words.items()
     ]
     return (
-        f"Asymptotically the width of the bounds is at most {', '.join(parts)}{inputs}. "
-        "While an event may have happened or not, the bounds contain both."
+        f"Asymptotically the width of the bounds is at most {', '.join(parts)}{_inputs(plant)}. "
+        f"While {name} may have happened or not, the bounds contain both."
     )

@@ -250,3 +250,75 @@ def test_other_kinds_refuse_in_a_line() -> None:
         problem = Problem(**{**PK, "observer": {"kind": kind}})
         with pytest.raises(obsdesign.InputError, match=r"event\.dose\.time_error: kind"):
             workflow.investigate(problem)
+
+
+# the second event is exact: it may happen in a window of the first
+BESIDE: dict[str, Any] = {
+    "flow": {"A": [[-0.9, 0.2], [0.3, -0.7]], "disturbance": {"lower": [-0.1, 0], "upper": [0.1, 0]}},
+    "event": [
+        {"name": "meal", "every": [2, 3], "disturbance": {"lower": [0, 0], "upper": [0, 0.4]}},
+        {
+            "name": "dose", "E": [[1], [0]], "input_bound": [2], "every": [3, 5],
+            "time_error": 0.2,
+        },
+    ],
+    "sensor": [{"name": "y", "C": [[0, 1]], "noise_bound": 0.05, "every": [0, 2]}],
+    "observer": {"kind": "interval"},
+}  # fmt: skip
+
+
+def beside(**meal: Any) -> Problem:
+    body = copy.deepcopy(BESIDE)
+    body["event"][0] |= meal
+    return Problem(**body)
+
+
+@pytest.fixture(scope="module")
+def design_beside() -> Design:
+    return obsdesign.design(beside())
+
+
+def test_widths_with_an_exact_event_beside(design_beside: Design) -> None:
+    """At their shortest times every second dose has a meal in its window."""
+    assert workflow.verify(design_beside).verdict == "proved"
+    evidence = width_claim(design_beside).evidence
+    for dwell in ("shortest", "random"):
+        run = simulate(
+            beside().plant, until=40, initial=np.zeros(2), disturbance="extreme", dwell=dwell,
+            step=0.25, rng=np.random.default_rng(0),
+        )  # fmt: skip
+        assert run.happened is not None
+        observer: Any = from_design(design_beside)
+        rows = rows_of(run.t, run.block("y"), w=run.block("w"), jump=run.happened)
+        stamps = run.t[run.happened[:, 1]]
+        state = observer.init(run.t[0], lower=[0, 0], upper=[0, 0])
+        for e, x in zip(observer.run(state, rows), run.block("x"), strict=True):
+            assert (e.lower <= x + 1e-9).all()
+            assert (x - 1e-9 <= e.upper).all()
+            if np.abs(e.t - stamps).min() > 0.2001:
+                assert (e.upper - e.lower <= evidence["always"]).all()
+    alone = Problem(**{**BESIDE, "event": [BESIDE["event"][1]]})
+    less = width_claim(obsdesign.design(alone)).evidence["always"]
+    assert (np.array(evidence["always"]) > less).all()
+
+
+def test_a_lower_tube_with_an_exact_event_is_not_proved(design_beside: Design) -> None:
+    evidence = width_claim(design_beside).evidence
+    for factor, verdict in ((1.0, "proved"), (0.97, "undecided")):
+        tube = (factor * np.array(evidence["tube"])).tolist()
+        proposed = {"late_width": {"cells": evidence["cells"], "tube": tube}}
+        assert uncertain_claims(beside(), design_beside.gains, proposed)[-1].verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("meal", "reason"),
+    [
+        ({"G": [[0.5, 0], [0, 1]]}, "it is otherwise for meal"),
+        ({"every": [0.4, 3]}, "its shortest time must be above 0.4"),
+        ({"time_error": 0.1}, "the plant has several (meal, dose)"),
+    ],
+)
+def test_other_events_beside_leave_the_width_open(meal: dict[str, Any], reason: str) -> None:
+    design = obsdesign.design(beside(**meal))
+    assert [claim.id for claim in design.claims] == ["consistent"]
+    assert reason in str(design.warnings)
