@@ -13,7 +13,8 @@ from obsdesign.analysis.served import require_served
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.entries import missing_entry
 from obsdesign.equations.modes import ModeSpan, following_places
-from obsdesign.kinds import kind_named
+from obsdesign.kinds import TAKING_CLOCKS, TAKING_MODES, kind_named
+from obsdesign.problem.clocks import CONTINUOUS
 from obsdesign.problem.modes import spans_of
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -28,11 +29,8 @@ def reason_against_modes(problem: Problem) -> str | None:
     """
     kind, plant = problem.require_kind(), problem.plant
     require_served(plant, kind)
-    if plant.output.measured != "continuous":
-        return (
-            f"{plant.stated('output.measured')} must be continuous with [[mode]]; got "
-            f"{plant.output.measured!r}."
-        )
+    if reason := _reason_against_sensors(plant):
+        return reason
     if plant.output.period is not None:
         return "output.period is not available with [[mode]]; samples may have any spacing."
     taken = kind_named(kind).modes
@@ -51,6 +49,23 @@ def reason_against_modes(problem: Problem) -> str | None:
     if form not in (*FORMS, "auto"):
         return f"observer.form must be {' or '.join(FORMS)} with [[mode]]; got {form!r}."
     return reason_against_unbounded(plant, kind) or problem.reason_without_noise_bound()
+
+
+def _reason_against_sensors(plant: Plant) -> str | None:
+    """Reason against the sensors of a plant with modes, one sentence, or None."""
+    names = [sensor.name for sensor in plant.sensors]
+    if len(names) > 1:
+        return (
+            f"[[mode]] requires one sensor that is read at every row; the plant has {len(names)} "
+            f"({', '.join(names)}). Several that are read at every row are one, with all rows in C."
+        )
+    if plant.sensors[0].measured != CONTINUOUS:
+        return (
+            f"{plant.stated('output.measured')} must be {CONTINUOUS!r} with [[mode]], for kinds "
+            f"{', '.join(TAKING_MODES)}. Observers for other times, without modes: "
+            f"{', '.join(TAKING_CLOCKS)}."
+        )
+    return None
 
 
 def _reason_against_events(plant: Plant, kind: str) -> str | None:

@@ -136,16 +136,31 @@ def test_options_about_other_plants_are_refused(observer: dict[str, Any], text: 
     assert text in str(refusal.value)
 
 
-def test_sampled_sensors_and_several_of_them_are_refused() -> None:
-    body = valve().to_dict()
-    body["sensor"][0]["every"] = 0.1
-    with pytest.raises(InputError, match="must be continuous with"):
+@pytest.mark.parametrize("kind", TAKING_MODES)
+@pytest.mark.parametrize("every", [0.1, [0.05, 0.1]], ids=["periodic", "irregular"])
+def test_sampled_sensors_and_several_of_them_are_refused(kind: str, every: Any) -> None:
+    """Each refusal names what modes require, for the plant as it is."""
+    body = valve(kind=kind).to_dict()
+    body["sensor"][0]["every"] = every
+    words = r"every must be 'continuous' with \[\[mode\]\].* without modes: interval, set_member"
+    with pytest.raises(InputError, match=words):
         investigate(Problem.from_dict(body))
     body["sensor"].append({**body["sensor"][0], "name": "second"})
     for mode in body["mode"]:
         del mode["gains"]
-    with pytest.raises(InputError, match="one sensor is required here"):
+    words = r"\[\[mode\]\] requires one sensor .* 2 \(\w+, second\)\. .* with all rows in C"
+    with pytest.raises(InputError, match=words):
         investigate(Problem.from_dict(body))
+
+
+def test_several_sensors_of_every_row_are_one_with_all_rows() -> None:
+    """What the refusal of two of them says to write."""
+    body = valve().to_dict()
+    own = {"C": [[0, 1], [1, 0]], "noise_bound": [0.01, 0.02], "every": "continuous"}
+    body["sensor"] = [{"name": "level", **own}]
+    for mode in body["mode"]:
+        del mode["gains"]
+    assert investigate(Problem.from_dict(body)).verdict == "proved"
 
 
 def test_gains_of_the_observer_serve_modes_without_their_own() -> None:
