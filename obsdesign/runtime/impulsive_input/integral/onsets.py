@@ -143,7 +143,7 @@ class OnsetGrid:
             top = int(np.argmax(part.log_density))
             onset, reach = part.onsets[top], 4 * part.steps[top]
             share = part.probability[max(top - 1, 0) : top + 2].sum()
-            if share < _MAX_NEIGHBOUR_PROBABILITY or reach < _POINTS * np.spacing(onset):
+            if share < _MAX_NEIGHBOUR_PROBABILITY or reach < _POINTS * np.spacing(abs(onset)):
                 break
             finer = self._at(max(onset - reach, ends[0]), min(onset + reach, ends[1]))
             if finer is None:
