@@ -35,6 +35,7 @@ from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.arithmetic.exponential import expm
 from lmi.bounds.tube import Affine, prove_below
 from lmi.families import horizon
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, proved, undecided
 
 # grid step of floats that steer, times the norm of the flow
@@ -250,7 +251,9 @@ class Values:
         return self.largest[self.floats.of_strategy[k] : self.floats.of_strategy[k + 1]]
 
 
-def prove_graph(graph: Graph, tube: Sequence[Sequence[float]]) -> Verdict:
+def prove_graph(
+    graph: Graph, tube: Sequence[Sequence[float]], budget: TimeBudget = UNLIMITED
+) -> Verdict:
     """Prove that a tube v (nodes, n) is invariant and attracts; undecided otherwise."""
     v = np.asarray(tube, dtype=np.float64)
     if v.shape != (len(graph.nodes), graph.n):
@@ -263,6 +266,8 @@ def prove_graph(graph: Graph, tube: Sequence[Sequence[float]]) -> Verdict:
         values = Values(graph.floats, v)
     exact_v, steps, count = exact(v), 0, 0
     for node, strategies in enumerate(graph.nodes):
+        if out_of_time := budget.ended():
+            return undecided("the proof did not come to its end", **out_of_time)
         chosen = values.best(node)
         for place in np.unique(chosen):
             for passage in strategies[int(place)]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -18,6 +19,8 @@ from obsdesign.equations.modes import SwitchedGains
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search.search import search
+from obsdesign.verification.interval.mode_width import width_claim
+from obsdesign.verification.interval.modes import mode_system
 from obsdesign.workflow import Outcome, design, investigate, verify
 from tests.systems.mode_paths import largest_widths
 from tests.systems.switched import random_strokes, valve
@@ -175,3 +178,56 @@ def test_searches_keep_events_that_leave_the_error_as_it_is() -> None:
     assert 23.9 < outcome.result["proved"] < 24
     with pytest.raises(InputError, match=r"stroke\.G other than the identity"):
         search(strokes(G=[[1.1, 0], [0, 1]]), "longest_dwell")
+
+
+# three states, two events, stays without end
+LASTING: Body = {
+    "flow": {"disturbance": {"lower": [-0.01, -0.01, 0], "upper": [0.01, 0.01, 0.02]}},
+    "mode": [
+        {"name": "a", "A": [[-0.6, 0.1, 0], [0.5, -0.4, 0.1], [0, 0.2, -0.5]], "every": [2, "inf"]},
+        {"name": "b", "A": [[-1, 0, 0.3], [0, -0.7, 0], [0.1, 0, -0.9]], "every": [1, "inf"]},
+    ],
+    "event": [
+        {
+            "name": "p", "every": [5, "inf"],
+            "disturbance": {"lower": [0.09, 0, 0], "upper": [0.11, 0, 0]},
+        },
+        {
+            "name": "q", "every": [4, "inf"], "G": [[1, 0, 0], [0, 1, 0.2], [0, 0, 1]],
+            "disturbance": {"lower": [0, 0, -0.1], "upper": [0, 0, 0.1]},
+        },
+    ],
+    "sensor": [{"name": "y", "C": [[0, 1, 0]], "noise_bound": 0.01, "every": "continuous"}],
+    "observer": {"kind": "interval"},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def lasting() -> Outcome:
+    return investigate(Problem.from_dict(LASTING))
+
+
+def test_three_states_two_events_and_stays_without_end_are_proved(lasting: Outcome) -> None:
+    assert lasting.verdict == "proved"
+    assert lasting.design is not None
+    gains = SwitchedGains.from_document(lasting.design.gains, IntervalGains)
+    evidence = claim_of(lasting, "mode_width").evidence
+    largest = largest_widths(gains, 300, np.random.default_rng(0))
+    for (where, mode), width in largest.items():
+        assert (width < evidence[where][gains.names.index(mode)]).all()
+
+
+def test_a_lower_tube_of_them_is_not_proved(lasting: Outcome) -> None:
+    assert lasting.design is not None
+    system = mode_system(SwitchedGains.from_document(lasting.design.gains, IntervalGains))
+    evidence = claim_of(lasting, "mode_width").evidence
+    tube = (0.9 * np.array(evidence["tube"])).tolist()
+    (claim,) = width_claim(system, {"parts": evidence["parts"], "tube": tube})
+    assert claim.verdict == "undecided"
+
+
+def test_a_search_of_them_ends_in_its_time() -> None:
+    start = time.process_time()
+    outcome = investigate(Problem.from_dict(LASTING), seconds=0.3)
+    assert time.process_time() - start < 2.0
+    assert claim_of(outcome, "mode_stability").evidence["ended_by"] == "time"

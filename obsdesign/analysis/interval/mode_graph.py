@@ -30,7 +30,7 @@ from obsdesign.equations.modes import ModeSpan, SwitchedGains
 
 MOST_CELLS = 64
 # marks, and passages between them, of a graph that is proved
-_MOST_NODES, _MOST_PASSAGES = 200, 1200
+_MOST_NODES, _MOST_PASSAGES = 200, 2500
 # cells of a shortest stay, in which a mode makes up for others: so many for each of an event's time
 _FINER = 4
 # the clock of the stay, beside those of events by their places

@@ -121,7 +121,7 @@ def _certificate(
     nodes_limit = min(budget.scaled(_NODES_SEARCHED), LARGEST_GRAPH)
     while cells <= most and (nodes := graph_of(system, cells, nodes_limit)) is not None:
         for tube in proposed_tubes(nodes.graph, _added(nodes.graph), budget):
-            if prove_graph(nodes.graph, tube.tolist()).outcome == "proved":
+            if prove_graph(nodes.graph, tube.tolist(), budget).outcome == "proved":
                 return {"cells": cells, "tube": tube.tolist()}
         if budget.remaining() < 0:
             return budget.ended()

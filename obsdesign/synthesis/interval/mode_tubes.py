@@ -53,7 +53,7 @@ def _tube(system: ModeSystem, budget: TimeBudget, *, has_inputs: bool) -> NewEnt
     while (nodes := mode_graph(system, parts)) is not None:
         graph = nodes.graph if has_inputs else nodes.graph.without_inputs()
         for tube in proposed_tubes(graph, _added(graph), budget, _MARGINS_OF_MODES):
-            if prove_graph(graph, tube.tolist()).outcome == "proved":
+            if prove_graph(graph, tube.tolist(), budget).outcome == "proved":
                 return {"parts": parts, "tube": tube.tolist()}
         if budget.remaining() < 0:
             return budget.ended()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
 from lmi.bounds.graph_tube import Graph, Least, Passage, prove_graph
 from lmi.find.graph_tube import input_sizes, proposed_tubes
+from lmi.time_budget import TimeBudget
 
 _HELD = (False, True)
 
@@ -112,3 +115,13 @@ def test_a_growing_flow_is_followed_to_the_end_of_its_time(
         assert prove_graph(stays, tube.tolist()).outcome == "proved"
         longer = Graph((grow, fall), ((stay,),), (nodes[0], ((Passage(0, 0, 1.0, 23.0),),)))
         assert prove_graph(longer, tube.tolist()).outcome == "undecided"
+
+
+def test_a_proof_ends_with_the_total() -> None:
+    one = graph(1.2, 2.0)
+    v = tube_of(one)
+    assert v is not None
+    verdict = prove_graph(one, v.tolist(), TimeBudget(1.0, -math.inf))
+    assert verdict.outcome == "undecided"
+    assert verdict.evidence["ended_by"] == "time"
+    assert prove_graph(one, v.tolist(), TimeBudget(1.0)).outcome == "proved"

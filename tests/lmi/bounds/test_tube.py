@@ -141,3 +141,16 @@ def test_a_periodic_limit_is_the_fixed_point(seed: int) -> None:
         np.testing.assert_allclose(one, truth, rtol=1e-12)
     # the twin: a jump that makes the map singular has no limit
     assert periodic_limit(exact([[0.0]]), exact([[1.0]]), exact([1.0]), exact([0.0]), 1.0) is None
+
+
+@pytest.mark.parametrize("fast", [30.0, 3e3])
+def test_a_fast_state_that_has_settled_takes_few_steps(fast: float) -> None:
+    """x2 follows x1 = 1 - e^-theta / 2: it is near its bound, and hardly moves."""
+    W, f = exact([[-1.0, 0.0], [fast, -fast]]), exact([1.0, 0.0])
+    start = exact([0.5, 0.5])
+    x2 = 1 - 0.5 * (fast * math.exp(-5.0) - math.exp(-5.0 * fast)) / (fast - 1)
+    for room, outcome in ((2e-6, "proved"), (-2e-6, "undecided")):
+        bound = exact([x2 * (1 + room)])
+        verdict = prove_below(Affine(W, f, start), exact([[0.0, 1.0]]), bound, 4.9, 5.0)
+        assert verdict.outcome == outcome
+        assert verdict.evidence["steps"] < 120
