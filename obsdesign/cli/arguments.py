@@ -147,6 +147,19 @@ def numbers(text: str, option: str) -> list[float]:
     return values
 
 
+def values_by_name(text: str) -> dict[str, float]:
+    """name=value,... as --parameters has them."""
+    from obsdesign.entries import number_from_text
+
+    try:
+        pairs = [part.split("=") for part in text.split(",")]
+        return {name.strip(): number_from_text(value.strip()) for name, value in pairs}
+    except ValueError:
+        raise InputError(
+            f"--parameters must be a word or name=value, separated by commas; got {text!r}."
+        ) from None
+
+
 def answer_of(path: str) -> NewEntries:
     """The JSON that a command printed, or a design file with its valid digest."""
     from obsdesign.design_file import load_design

@@ -16,11 +16,13 @@ from obsdesign.cli.arguments import (
     one_of,
     output_option,
     source_of,
+    values_by_name,
 )
 from obsdesign.cli.talk import is_quiet, on_stderr, say, warn
 from obsdesign.errors import InputError
 
 if TYPE_CHECKING:
+    from obsdesign.data.simulation import Simulation
     from obsdesign.problem.plant import Plant
 
 
@@ -40,12 +42,15 @@ if TYPE_CHECKING:
 @click.option("--disturbance", default="random", show_default=True,
               shell_complete=one_of("zero", "extreme", "random", "sine"),
               help="zero, extreme, random or sine.")  # fmt: skip
+@click.option("--parameters", default="random", show_default=True,
+              shell_complete=one_of("nominal", "random", "extreme", "bang-bang"),
+              help="nominal, random, extreme, bang-bang, or NAME=VALUE,...")  # fmt: skip
 @click.option("--seed", type=Count(min=0), default=0, show_default=True)
 @click.option("--events", type=click.Path(), help="Write the true unknown impulses to this file.")
 @output_option("data.csv", "Data file.")
 def simulate(
     *, source: str, output: str, events: str | None, seed: int, until: float | None,
-    step: float | None, initial: str | None, dwell: str, disturbance: str,
+    step: float | None, initial: str | None, dwell: str, disturbance: str, parameters: str,
 ) -> int:  # fmt: skip
     """Simulate the plant of a problem or design exactly, with its true state."""
     import numpy as np
@@ -67,7 +72,9 @@ def simulate(
     record = run_simulation(
         problem.plant, until=until, step=step, initial=start, dwell=times,
         disturbance=disturbance, rng=rng, announced=announced,
+        parameters=values_by_name(parameters) if "=" in parameters else parameters,
     )  # fmt: skip
+    _warn_outside_box(problem.plant, record)
     write_text(output, table_text(record.columns))
     if events:
         width = max(record.events.shape[1] - 1, 1)
@@ -77,6 +84,17 @@ def simulate(
     say(f"written: {output}, {len(record.t)} rows until t = {record.t[-1]:g}"
                if len(record.t) else f"written: {output}, no rows")  # fmt: skip
     return 0
+
+
+def _warn_outside_box(plant: Plant, record: Simulation) -> None:
+    """Print a line where the state of a simulation leaves the box that the problem states."""
+    if plant.state is None:
+        return
+    x = record.block("x")
+    is_outside = ((x < plant.state.lower) | (x > plant.state.upper)).any(axis=1)
+    if is_outside.any():
+        t = record.t[is_outside.argmax()]
+        warn(f"x leaves [state] at t = {t:g}: what rests on [state] does not hold from then on.")
 
 
 @click.command()

@@ -48,7 +48,7 @@ class EventGains(Stored):
         return cls(
             name=event.name, G=event.G, E=event.E, lower=event.lower, upper=event.upper,
             disturbance_matrix=event.disturbance_matrix, dwell_time=dwell_time,
-            time_error=event.stamp_error or None, input_bound=event.largest_input,
+            time_error=event.stamp_error or None, input_bound=event.input_bound,
             modes=None if event.modes is None else "+".join(event.modes),
         )  # fmt: skip
 

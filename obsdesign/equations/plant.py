@@ -56,6 +56,10 @@ class Flow(Disturbed, Protocol):
         """(n, m), None without a known input."""
 
     @property
+    def input_bound(self) -> Matrix | None:
+        """Bound of |u| of each known input (m,), None where none is stated."""
+
+    @property
     def D(self) -> Matrix | None:
         """(n, q), None without an unknown input."""
 
@@ -107,7 +111,7 @@ class Jump(Disturbed, Protocol):
         """Largest time between it and its stamp."""
 
     @property
-    def largest_input(self) -> Matrix | None:
+    def input_bound(self) -> Matrix | None:
         """Bound of |w| of each known input (l,), None where none is stated."""
 
     @property

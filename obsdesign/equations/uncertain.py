@@ -8,6 +8,7 @@ half_i A_i, mid_i and half_i middle and half-width of the range.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,6 +17,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.equations.plant import Plant
+from obsdesign.equations.stored import Stored, matrix, text
 
 # matrices to which parameters add
 MATRICES = ("A", "B", "G", "E", "C")
@@ -82,3 +84,87 @@ def nominal_matrices(plant: Plant) -> Mapping[str, Matrix | None]:
     flow, jump = plant.flow, plant.jump
     G, E = (None, None) if jump is None else (jump.G, jump.E)
     return {"A": flow.A, "B": flow.B, "G": G, "E": E, "C": plant.outputs.C}
+
+
+def rounded(values: Array) -> Matrix:
+    """The nearest binary64 numbers of exact rationals."""
+    return np.array([float(value) for value in values.ravel()]).reshape(values.shape)
+
+
+def rounded_up(value: Fraction) -> float:
+    """The least binary64 number that is not below an exact rational."""
+    nearest = float(value)
+    return nearest if Fraction(nearest) >= value else math.nextafter(nearest, math.inf)
+
+
+@dataclass(frozen=True)
+class KnownSizes:
+    """What bounds the effects of parameters: lower, upper of x (n,); largest |u| (m,), |w| (l,).
+
+    before_jump: (lower, upper) of x just before jumps. u, w: None where none is stated.
+    """
+
+    lower: Array
+    upper: Array
+    before_jump: tuple[Array, Array]
+    u: Array | None
+    w: Array | None
+
+
+def effect_sizes(form: NormalForm, known: KnownSizes) -> tuple[Array, Array, Array]:
+    """Bounds of what parameters add to x', x+ and y, exact: (n,), (n,), (p,).
+
+    Of each parameter the largest |A_i x + B_i u|; likewise what A loses as it is rounded to
+    binary64 numbers. x+ : zeros without jumps. Inputs must be known where they are uncertain.
+    """
+    box = (known.lower, known.upper)
+    return (
+        _largest_sum(form, ("A", "B"), box, known.u),
+        _largest_sum(form, ("G", "E"), known.before_jump, known.w),
+        _largest_sum(form, ("C", ""), box, None),
+    )
+
+
+def _largest_sum(
+    form: NormalForm, keys: tuple[str, str], box: tuple[Array, Array], inputs: Array | None
+) -> Array:
+    """Largest sum over parameters of |X x + Y u|, for the effects X, Y on two matrices."""
+    state, known = keys
+    middle, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
+    total = fractions_of(np.zeros(len(form.C if state == "C" else form.A)))
+    for X in (*form.on(state), *_rounding(getattr(form, state))):
+        total = total + abs(X @ middle) + abs(X) @ half
+    listed = (*form.on(known), *_rounding(getattr(form, known))) if known else ()
+    for Y in listed:
+        assert inputs is not None
+        total = total + abs(Y) @ inputs
+    return total
+
+
+def _rounding(values: Array | None) -> tuple[Array, ...]:
+    """What exact values exceed their nearest binary64 numbers by; none where nothing."""
+    if values is None:
+        return ()
+    error = values - fractions_of(rounded(values))
+    return (error,) if error.any() else ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EffectGains(Stored):
+    """An effect as a design stores it: nearest binary64 numbers, None where nothing is added."""
+
+    name: str = text()
+    A: Matrix | None = matrix("n", "n", optional=True)
+    B: Matrix | None = matrix("n", "m", optional=True)
+    G: Matrix | None = matrix("n", "n", optional=True)
+    E: Matrix | None = matrix("n", "l", optional=True)
+    C: Matrix | None = matrix("p", "n", optional=True)
+
+    @classmethod
+    def from_effect(cls, effect: Effect) -> EffectGains:
+        """The stored form of an effect."""
+        stated = {key: getattr(effect, key) for key in MATRICES}
+        return cls(
+            name=effect.name,
+            **{key: rounded(values) for key, values in stated.items() if values is not None},
+        )

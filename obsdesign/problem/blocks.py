@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, NewEntries, Value
-from obsdesign.entries import bounds, matrix, require_shape, shown
+from obsdesign.entries import bounds, matrix, require_shape, shown, vector
 from obsdesign.equations.boxes import image_box
 from obsdesign.errors import InputError
 
@@ -28,6 +28,7 @@ class DisturbedBlock(Block):
     lower: Matrix
     upper: Matrix
     disturbance_matrix: Matrix | None
+    input_bound: Matrix | None
 
     @property
     def disturbance_columns(self) -> Matrix:
@@ -67,6 +68,26 @@ class DisturbedBlock(Block):
             if values is not None:
                 result[key] = matrix(values, f"{name}.{key}")
                 require_shape(result[key], f"{name}.{key}", (n, None), f"one per state of {states}")
+        return result
+
+    def known_sizes(self, name: str, square: str, inputs: str, n: int) -> NewEntries:
+        """Radii of the square matrix and bounds of known inputs, as stated; InputError for others.
+
+        square, inputs: names of the matrices, "A" and "B", or "G" and "E".
+        """
+        result, key = {}, f"{square}_radius"
+        if (radius := getattr(self, key)) is not None:
+            as_matrix = f"as {name}.{square}"
+            result[key] = radius_matrix(radius, f"{name}.{key}", (n, n), as_matrix)
+        if self.input_bound is not None:
+            columns = getattr(self, inputs)
+            wanted = 0 if columns is None else np.shape(columns)[1]
+            result["input_bound"] = bound = vector(self.input_bound, f"{name}.input_bound")
+            if bound.shape != (wanted,) or (bound < 0).any():
+                raise InputError(
+                    f"{name}.input_bound must be {wanted} numbers >= 0, one per column of "
+                    f"{name}.{inputs}; got {bound.tolist()}."
+                )
         return result
 
 

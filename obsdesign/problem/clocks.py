@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import signal_columns
-from obsdesign.entries import is_number, matrix, positive, real, shown, vector
+from obsdesign.entries import is_number, positive, real, shown
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import set_fields
 from obsdesign.problem.names import MODE_NAMES, NAME_SCHEMA, check_name
@@ -53,9 +53,6 @@ class Event(Jump):
         NONNEGATIVE, "It happens within this time of its stamp, before or after; default 0.",
         default=0.0,
     )  # fmt: skip
-    input_bound: Matrix | None = file_entry(
-        ref("vector"), "l: largest |w| of each known input, for claims about widths.", default=None
-    )
     modes: tuple[str, ...] | None = file_entry(
         MODE_NAMES, "Modes in which alone it happens; default any.", default=None
     )
@@ -89,15 +86,6 @@ class Event(Jump):
                 f"{shortest / 2:g}; got {error:g}."
             )
         set_fields(self, time_error=error, stamp_error=error)
-        if self.input_bound is not None:
-            bound = vector(self.input_bound, f"{self.entry}.input_bound")
-            columns = 0 if self.E is None else matrix(self.E, f"{self.entry}.E").shape[1]
-            if bound.shape != (columns,) or (bound < 0).any():
-                raise InputError(
-                    f"{self.entry}.input_bound must be {columns} numbers >= 0, one per column of "
-                    f"{self.entry}.E; got {bound.tolist()}."
-                )
-            set_fields(self, input_bound=bound, largest_input=bound)
 
     @property
     def entry(self) -> str:

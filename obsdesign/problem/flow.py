@@ -11,7 +11,7 @@ from lmi.arithmetic.arrays import Entries, Matrix, Value
 from obsdesign.entries import bounds, matrix, positive, real, shown, size_text, vector
 from obsdesign.equations.boxes import image_box
 from obsdesign.errors import InputError
-from obsdesign.problem.blocks import DISTURBANCE, Block, DisturbedBlock, radius_matrix, set_fields
+from obsdesign.problem.blocks import DISTURBANCE, Block, DisturbedBlock, set_fields
 from obsdesign.problem.schema import POSITIVE, file_entry, ref
 
 # what is left out: __post_init__ fills it in
@@ -64,9 +64,9 @@ class Flow(DisturbedBlock):
     A (n, n); B (n, m): known input; D (n, q): unknown input; lower, upper (n,): zero by default.
     With a disturbance_matrix Bw (n, k), b = Bw w(t) and lower, upper (k,) are bounds of w.
     d_bounds: of d, None where there are none. dt: the step of a plant in discrete time,
-    x(t + dt) = A x + B u + D d + b, None for a flow. A_radius (n, n): a parameter for each entry of
-    A, None where A is known. InputError where sizes do not agree, numbers
-    are not finite or bounds are crossed.
+    x(t + dt) = A x + B u + D d + b, None for a flow. input_bound (m,): largest |u|, None where
+    it is not stated. A_radius (n, n): a parameter for each entry of A, None where A is known.
+    InputError where sizes do not agree, numbers are not finite or bounds are crossed.
     """
 
     A: Matrix = file_entry(ref("matrix"), "n x n.")
@@ -85,6 +85,9 @@ class Flow(DisturbedBlock):
     dt: float | None = file_entry(
         POSITIVE, "Step of a plant in discrete time, x(t + dt) = A x + B u + D d + b.", default=None
     )
+    input_bound: Matrix | None = file_entry(
+        ref("vector"), "m: largest |u| of each known input, for claims about widths.", default=None
+    )
     A_radius: Matrix | None = file_entry(
         ref("matrix"), "n x n: each entry of A is known up to so much.", default=None
     )
@@ -98,9 +101,7 @@ class Flow(DisturbedBlock):
         set_fields(self, A=A, **self.matrices("flow", names, n, f"flow.A ({size_text(A)})"))
         lower, upper = self.checked_bounds("flow", n)
         set_fields(self, lower=lower, upper=upper)
-        if self.A_radius is not None:
-            radius = radius_matrix(self.A_radius, "flow.A_radius", A.shape, "as flow.A")
-            set_fields(self, A_radius=radius)
+        set_fields(self, **self.known_sizes("flow", "A", "B", n))
         if self.dt is not None:
             set_fields(self, dt=positive(real(self.dt, "flow.dt"), "flow.dt"))
         if self.d_bounds is not None:

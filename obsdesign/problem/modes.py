@@ -116,8 +116,19 @@ class Mode(Block):
         return self.G
 
 
-def check_modes(modes: Sequence[Mode]) -> None:
-    """InputError where names meet, or a mode names one that is none, or ends without another."""
+def check_modes(modes: Sequence[Mode], *, has_jump: bool, has_steps: bool) -> None:
+    """InputError where names meet, or a mode names one that is none, or ends without another.
+
+    has_jump: the plant has a [jump]; has_steps: it is in discrete time. It may have neither.
+    """
+    if has_steps:
+        raise InputError("[[mode]] is not available with flow.dt in this version.")
+    if has_jump:
+        raise InputError(
+            "[[mode]] may not be mixed with [jump]; write the jump as [[event]], which may state "
+            "its modes, and [output] as [[sensor]]. A map at changes of mode is "
+            f"{modes[0].entry}.G."
+        )
     names = [mode.name for mode in modes]
     if len(names) < 2:
         raise InputError(

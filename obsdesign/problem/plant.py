@@ -27,7 +27,7 @@ from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.column_names import JUMP
 from obsdesign.entries import matrix, missing_entry, real, require_shape, size_text
 from obsdesign.errors import InputError, naming
-from obsdesign.problem.blocks import DISTURBANCE, DisturbedBlock, radius_matrix, set_fields
+from obsdesign.problem.blocks import DISTURBANCE, DisturbedBlock, set_fields
 from obsdesign.problem.flow import Flow
 from obsdesign.problem.modes import Mode, check_events_of_modes, check_modes
 from obsdesign.problem.output import IRREGULAR, Output, check_sends_on_change, every_step, stacked
@@ -51,7 +51,8 @@ class Jump(DisturbedBlock):
     unknown weights g; lower, upper (n,): zero by default. With a disturbance_matrix W (n, k),
     c = W w and lower, upper (k,) are bounds of w. dwell_time: (shortest, longest) time between
     jumps, the longest may be infinite; dwell_jitter: largest change from one dwell time to the
-    next. Times in the unit of flow.A. InputError as for `Flow`.
+    next. Times in the unit of flow.A. G_radius (n, n): a parameter for each entry of G, None where
+    G is known; input_bound (l,): largest |w|, None where not stated. InputError as for `Flow`.
     """
 
     name = "jump"
@@ -76,8 +77,10 @@ class Jump(DisturbedBlock):
     G_radius: Matrix | None = file_entry(
         ref("matrix"), "n x n: each entry of G is known up to so much.", default=None
     )
-    stamp_error: float = field(default=0.0, init=False)  # of events, as the next two
-    largest_input: Matrix | None = field(default=None, init=False)
+    input_bound: Matrix | None = file_entry(
+        ref("vector"), "l: largest |w| of each known input, for claims about widths.", default=None
+    )
+    stamp_error: float = field(default=0.0, init=False)  # of events, as modes
     modes: tuple[str, ...] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -124,8 +127,7 @@ class Jump(DisturbedBlock):
         names = ("E", "H", "disturbance_matrix")
         inputs = self.matrices(self.entry, names, n, why.removeprefix("one per state of "))
         lower, upper = self.checked_bounds(self.entry, n)
-        if self.G_radius is not None:
-            inputs["G_radius"] = radius_matrix(self.G_radius, "jump.G_radius", (n, n), why)
+        inputs |= self.known_sizes(self.entry, "G", "E", n)
         result = copy(self)
         set_fields(result, G=G, lower=lower, upper=upper, **inputs)
         return result
@@ -190,15 +192,8 @@ class Plant:
 
     def _check_modes(self) -> None:
         flow, sensors = self.flow, self.sensors
-        if flow.dt is not None:
-            raise InputError("[[mode]] is not available with flow.dt in this version.")
-        if self.events and not self.has_tables:
-            raise InputError(
-                "[[mode]] may not be mixed with [jump]; write the jump as [[event]], which may "
-                "state its modes, and [output] as [[sensor]]. A map at changes of mode is "
-                f"{self.modes[0].entry}.G."
-            )
-        check_modes(self.modes)
+        has_jump = bool(self.events) and not self.has_tables
+        check_modes(self.modes, has_jump=has_jump, has_steps=flow.dt is not None)
         m = 0 if flow.B is None else flow.B.shape[1]
         for mode in self.modes:
             if mode.C is not None and len(sensors) > 1:

@@ -8,10 +8,11 @@ from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.document import Design, jsonable, same
 from obsdesign.entries import is_number
 from obsdesign.equations.noise_bounds import noise_box
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, naming
+from obsdesign.runtime.stated_parameters import WIDENED, has_parameters, nominal_blocks
 
 # gains that repeat an entry of the problem, and where it stands there
-_REPEATED = (
+_REPEATED: tuple[tuple[str, str, str], ...] = (
     ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
     ("dt", "flow", "dt"), ("spacing", "timing", "spacing"),
     ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"), ("period", "output", "period"),
@@ -34,13 +35,17 @@ def refuse_other_plant(design: Design) -> None:
     if "modes" in design.gains or "mode" in design.problem:
         _same_modes(design)
         return
-    blocks = plain_blocks(design.problem)
+    blocks, compared = plain_blocks(design.problem), _REPEATED
+    if has_parameters(design.problem):
+        with naming("gains", ValueError):
+            blocks = nominal_blocks(design.problem, design.gains)
+        compared = tuple(row for row in _REPEATED if row[0] not in WIDENED)
     flow = blocks.get("flow")
     if "sensors" in design.gains:  # which have `sees` of their own
         _same_sees(design)
         blocks = {**blocks, "output": {**blocks["output"], "jump_measurement": "before"}}
     blocks = {**blocks, "flow.d_bounds": flow.get("d_bounds") if isinstance(flow, dict) else None}
-    for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
+    for name, block, key in (*compared, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = blocks.get(block)
         stated = table.get(key) if isinstance(table, dict) else None
         if key == "noise_bound":

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from lmi.arithmetic.balls import exact
-from obsdesign.data.simulation import simulate
 from obsdesign.equations.uncertain import NormalForm
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS, TAKING_PARAMETERS
@@ -167,8 +166,3 @@ def test_other_kinds_need_the_plant_exactly(kind: str) -> None:
     body["flow"]["A_radius"] = [[0, 0], [0, 0.1]]
     with pytest.raises(DoesNotApply, match=r"parameter\.a_radius_2_2 is uncertain: kind"):
         investigate(Problem.from_dict(body))
-
-
-def test_simulation_needs_the_plant_exactly() -> None:
-    with pytest.raises(InputError, match=r"parameter\.stiffness is uncertain"):
-        simulate(Problem.from_dict(spring()).plant)

@@ -32,6 +32,22 @@ def reason_against(problem: Problem) -> str | None:
     return _reason_against_form(problem, gains, options.form)
 
 
+def reason_against_parameters(problem: Problem) -> str | None:
+    """Reason against options of a problem with parameters, or None."""
+    options, gains = problem.options_as(IntervalOptions), problem.gains
+    if options.form == "two_coordinates" or {"S2", "R"} & set(gains):
+        return (
+            "form 'two_coordinates' is not available with parameters; it must be cooperative, "
+            "split or coordinates."
+        )
+    if options.objective == "shortest_dwell" and problem.plant.state is None:
+        return (
+            "[state] is required by observer.objective = 'shortest_dwell' with parameters, since "
+            "a box that is proved from the plant holds for its own dwell times; it is missing."
+        )
+    return None
+
+
 def objective_of(problem: Problem) -> str:
     """What open gains are chosen for: the narrowest bounds, unless another objective is stated.
 

@@ -80,6 +80,11 @@ class Signals:
         generator = _generator(self.plant.flow, self.flow, d)
         return replace(self, u=other.u, unknown_input=d, generator=generator)
 
+    def of_plant(self, plant: Plant) -> Signals:
+        """The same signals, of a plant with other matrices of the same sizes."""
+        generator = _generator(plant.flow, self.flow, self.unknown_input)
+        return replace(self, plant=plant, generator=generator)
+
     def jump(self, k: int, event: int) -> Matrix:
         """E w + H g + c of an event at row k."""
         jump, c = self.plant.events[event], self.jump_disturbances[event]
@@ -147,7 +152,7 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
         c,
         v,
         rng.standard_normal((rows, p)) * (kind != "zero"),
-        rng.uniform(-1, 1, (_INPUT_CHANGES, inputs))[changes],
+        rng.uniform(-1, 1, (_INPUT_CHANGES, inputs))[changes] * _or_one(flow.input_bound, inputs),
         rng.uniform(-1, 1, (rows, sum(_inputs_of(plant, "E")))) * _largest_inputs(plant),
         rng.uniform(0.5, 1.5, (rows, sum(_inputs_of(plant, "H")))),
     )
@@ -155,11 +160,12 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
 
 def _largest_inputs(plant: Plant) -> Matrix:
     """Bounds of |w| of all events, one where none is stated."""
-    bounds = [
-        np.ones(event.inputs) if event.largest_input is None else event.largest_input
-        for event in plant.events
-    ]
+    bounds = [_or_one(event.input_bound, event.inputs) for event in plant.events]
     return np.concatenate([np.zeros(0), *bounds])
+
+
+def _or_one(bound: Matrix | None, inputs: int) -> Matrix:
+    return np.ones(inputs) if bound is None else bound
 
 
 def noise_ends(plant: Plant) -> tuple[Matrix, Matrix]:

@@ -8,7 +8,7 @@ discrete time the step of the plant is repeated.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,11 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.column_names import MODE, TIME
 from obsdesign.data.simulation.change_senders import ChangeSenders
+from obsdesign.data.simulation.parameter_courses import (
+    SignalsAtRows,
+    drawn_courses,
+    nominal_plant,
+)
 from obsdesign.data.simulation.record_columns import record_columns
 from obsdesign.data.simulation.rows import (
     Instants,
@@ -75,16 +80,19 @@ def simulate(
     disturbance: str = "random",
     rng: np.random.Generator | None = None,
     announced: bool = False,
+    parameters: str | Mapping[str, float] = "random",
 ) -> Simulation:
     """Simulate a plant from t = 0, by matrix exponentials from row to row: exact up to rounding.
 
     until, step: end and spacing of the rows, in the plant's time unit (default: ten dwell times,
     without jumps 200 periods or ten time constants of the slowest mode; the sampling period, else a
-    round number near until/500, in discrete time a step). initial: x(0), (n,), default ones. dwell:
+    round number near until/500, in discrete time a step). initial: x(0), (n,), default ones, or
+    what is nearest to them in the box [state]. dwell:
     `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in turn.
     disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held), `random`
     or `sine`. rng: a numpy Generator (default: seed 0). announced: the record has the times of
-    impulses of unknown weight too, which every kind but `impulsive_input` needs.
+    impulses of unknown weight too, which every kind but `impulsive_input` needs. parameters: their
+    course, constant between rows: `nominal`, `random`, `extreme`, `bang-bang`, or values by name.
 
     InputError for options that do not fit the plant, and where the state overflows.
     """
@@ -92,12 +100,8 @@ def simulate(
         raise InputError(
             f"disturbance must be one of {', '.join(DISTURBANCES)}; got {disturbance!r}."
         )
-    for parameter in plant.parameters:
-        raise InputError(
-            f"{parameter.entry} is uncertain; simulate needs the plant exactly in this version."
-        )
     rng = np.random.default_rng(0) if rng is None else rng
-    x = _initial(plant.n, initial)
+    x, uncertain, plant = _initial(plant, initial), plant, nominal_plant(plant)
     until = default_until(plant, dwell) if until is None else positive(until, "until")
     step = None if step is None else positive(step, "step")
     instants = instants_of(plant, dwell, until, step, rng)
@@ -106,9 +110,17 @@ def simulate(
     with np.errstate(over="ignore", invalid="ignore"):
         received, happened = arrival_times(plant, instants, rng), true_times(plant, instants, rng)
         instants = replace(instants, received=received, true_times=happened)
-        record = _trajectory(x, instants, source, announced, sources)
+        values = drawn_courses(uncertain, parameters, len(instants.times), rng)
+        courses = SignalsAtRows(uncertain, source, values) if uncertain.parameters else None
+        record = _trajectory(x, instants, source, announced, sources, courses)
     _require_finite(record)
-    return record
+    return record if courses is None else _with_parameters(record, uncertain, values)
+
+
+def _with_parameters(record: Simulation, plant: Plant, values: Matrix) -> Simulation:
+    """The record with a column of each parameter, by its name."""
+    names = [parameter.name for parameter in plant.parameters]
+    return replace(record, columns=record.columns | dict(zip(names, values.T, strict=True)))
 
 
 def _of_modes(
@@ -129,19 +141,23 @@ def _require_finite(record: Simulation) -> None:
         )
 
 
-def _initial(n: int, initial: ArrayLike | None) -> Matrix:
-    x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
+def _initial(plant: Plant, initial: ArrayLike | None) -> Matrix:
+    n, box = plant.n, plant.state
+    default = np.ones(n) if box is None else np.clip(np.ones(n), box.lower, box.upper)
+    x = default if initial is None else np.asarray(initial, dtype=np.float64)
     if x.shape != (n,) or not np.isfinite(x).all():
         raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
     return x
 
 
 def _trajectory(
-    x: Matrix, instants: Instants, source: Signals, announced: bool, sources: Sequence[Signals]
-) -> Simulation:
+    x: Matrix, instants: Instants, source: Signals, announced: bool, sources: Sequence[Signals],
+    courses: SignalsAtRows | None,
+) -> Simulation:  # fmt: skip
     """Step from row to row; matrices are shared between equal steps.
 
-    sources: the signals of each mode, none where there are no modes.
+    sources: the signals of each mode, none where there are no modes; courses: those with the
+    parameters of each row, None without any.
     """
     plant = source.plant
     after = plant.sees_after
@@ -153,13 +169,17 @@ def _trajectory(
     senders, times = ChangeSenders.from_plant(plant), instants.times.tolist()
     for k, t in enumerate(times):
         mode = leading[k]
+        if courses is not None:
+            source, last = courses.at(k), source
+            if source is not last:
+                maps.clear()
         own = sources[mode] if sources else source
         while pending and pending[0].t <= t:
             x, now = _after_uncertain(pending.pop(0), own, x, k, now)
         before = x = _flowed(x, own, k, (now, t), maps[mode])
         happening = np.flatnonzero(at_rows[k]).tolist()
         for event in happening:
-            x = np.asarray(plant.events[event].G @ x + source.jump(k, event))
+            x = np.asarray(source.plant.events[event].G @ x + source.jump(k, event))
         if any(plant.events[event].H is not None for event in happening):
             events.append([t, *source.weights_of(k, happening)])
         C = own.plant.outputs.C

@@ -10,7 +10,8 @@ from lmi.arithmetic.arrays import Array, NewEntries, Value
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.plant import Plant
 from obsdesign.equations.shaped_gains import ShapedGains, shaped_entries
-from obsdesign.equations.stored import matrix, number, word
+from obsdesign.equations.stored import blocks, matrix, number, word
+from obsdesign.equations.uncertain import EffectGains
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
 
@@ -25,6 +26,12 @@ class IntervalGains(ShapedGains):
     (n, n): of its jump, None without jumps and in form `two_coordinates`. step_limit: the longest
     step of a continuous y for which a width is guaranteed, None where none is named. D d with a
     bounded d is a part of disturbance_matrix.
+
+    Of a plant with parameters A, B, G, E and C are nominal, and all bounds include effects: what
+    each parameter adds as it goes from 0 to 1; flow_effect, jump_effect (n,), output_effect (p,):
+    how much of the bounds of b, c and v they are. They hold while state_lower <= x <= state_upper,
+    pre_jump_lower <= x <= pre_jump_upper just before jumps, |u| <= input_bound (m,) and
+    |w| <= jump_input_bound (l,), of those inputs that the bounds count on.
     """
 
     noise_bound: Array = matrix("p")
@@ -40,6 +47,16 @@ class IntervalGains(ShapedGains):
     Gp: Array | None = matrix("n", "n", optional=True)
     Gn: Array | None = matrix("n", "n", optional=True)
     step_limit: float | None = number(optional=True)
+    effects: tuple[EffectGains, ...] = blocks(EffectGains)
+    flow_effect: Array | None = matrix("n", optional=True)
+    jump_effect: Array | None = matrix("n", optional=True)
+    output_effect: Array | None = matrix("p", optional=True)
+    state_lower: Array | None = matrix("n", optional=True)
+    state_upper: Array | None = matrix("n", optional=True)
+    pre_jump_lower: Array | None = matrix("n", optional=True)
+    pre_jump_upper: Array | None = matrix("n", optional=True)
+    input_bound: Array | None = matrix("m", optional=True)
+    jump_input_bound: Array | None = matrix("l", optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -109,6 +109,11 @@ def require_search(
     require_served(problem.plant, kind)
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
+    if problem.plant.parameters and problem.plant.state is None:
+        raise InputError(
+            f"--for {what} requires [state] with parameters, since a box that is proved from the "
+            "plant holds for its own dwell times; it is missing."
+        )
     if problem.plant.flow.dt is not None:
         raise InputError(f"--for {what} is not available with flow.dt in this version.")
     if kind == "finite_time" and what in PERIOD_SEARCHES:

@@ -158,7 +158,7 @@ def _rows(plant: Plant) -> list[Sample]:
         np.zeros(0) if np.isinf(gap) else gap * np.arange(int(stamps[-1] // gap) + 1)
         for gap in gaps
     ]
-    largest = np.ones(event.inputs) if event.largest_input is None else event.largest_input
+    largest = np.ones(event.inputs) if event.input_bound is None else event.input_bound
     added = sum(event.c_bounds) / 2 + (0.0 if event.E is None else event.E @ largest)
     times = np.unique(np.concatenate([stamps - error, stamps, stamps + error, *samples]))
     n, x, now, rows = plant.n, np.zeros(plant.n), 0.0, []

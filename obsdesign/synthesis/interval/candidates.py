@@ -40,6 +40,7 @@ from obsdesign.synthesis.interval.sampled_bases import sampled_bases
 from obsdesign.synthesis.interval.sampled_candidates import sampled_candidates
 from obsdesign.synthesis.interval.several_clocks import clocked_candidate
 from obsdesign.synthesis.interval.similarity import coordinates_of_assumption_4
+from obsdesign.synthesis.interval.state_box import certain_problem
 from obsdesign.synthesis.interval.task import GainSearch, Task
 
 
@@ -58,6 +59,13 @@ def synthesize_constrained(
 
     constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn.
     """
+    certain = certain_problem(problem)
+    return certain.completed(_candidates(certain.problem, constraints, budget))
+
+
+def _candidates(
+    problem: Problem, constraints: UserConstraints | None, budget: TimeBudget
+) -> Iterator[Candidate]:
     if problem.plant.needs_clock_gains:
         yield clocked_candidate(problem, constraints, budget)
         return

@@ -20,12 +20,17 @@ from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.dwell import reason_against_problem
 
 
-def agreed_gains(problem: Problem, stored: Entries) -> tuple[Claim, IntervalGains | None]:
-    """The claim `consistent` and the gains; None where they cannot be read."""
+def agreed_gains(
+    problem: Problem, stored: Entries, effects: Entries
+) -> tuple[Claim, IntervalGains | None]:
+    """The claim `consistent` and the gains; None where they cannot be read.
+
+    effects: entries of parameters, whose effects the bounds of the problem include.
+    """
+    expected = {**expected_gains(problem, stored), **effects}
     agreement, gains = consistent_gains(
-        _reason_against(problem), stored, expected_gains(problem, stored),
-        IntervalGains.from_document,
-    )  # fmt: skip
+        _reason_against(problem), stored, expected, IntervalGains.from_document
+    )
     if gains is None:
         return agreement, None
     agreement = _invertible(gains, _within_limit(problem, gains, agreement))

@@ -35,6 +35,7 @@ from obsdesign.verification.interval.signs import (
     nonnegative_claim,
     split_claim,
 )
+from obsdesign.verification.interval.state_box import certain_plant
 from obsdesign.verification.interval.uncertain_width import uncertain_claims
 from obsdesign.verification.interval.width import limit_claim, width_claim
 from obsdesign.verification.rates import rates_claim
@@ -72,11 +73,15 @@ def claims(
         return uncertain_claims(problem, stored, certificates)
     if problem.plant.needs_clock_gains:
         return clocked_claims(problem, stored, certificates)
-    agreement, gains = agreed_gains(problem, stored)
+    certain = certain_plant(problem, certificates)
+    if certain.failed:
+        return certain.failed
+    problem = certain.problem
+    agreement, gains = agreed_gains(problem, stored, certain.entries)
     if gains is None or agreement.verdict != "proved":
         return (agreement,)
     source = f"{PAPER}, {THEOREMS[gains.form]}"
-    hypotheses = (agreement, *_hypotheses(problem, gains, source))
+    hypotheses = (agreement, *certain.claims, *_hypotheses(problem, gains, source))
     system = WidthSystem.from_gains(gains, exact, inverse)
     if gains.is_periodic:
         proposed = certificates.get("sampled_stability", {})

@@ -13,6 +13,7 @@ from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.discrete_time import step_warnings
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.several_clocks import clocked_guarantees
+from obsdesign.verification.interval.state_box import under_assumptions
 from obsdesign.verification.interval.uncertain_width import uncertain_guarantees, uncertain_warnings
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
@@ -57,7 +58,8 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     entries = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     if not (at_jumps or is_periodic or sampled):
         entries.append(Guarantee.not_proved(no_spacing()))
-    return (*entries, Guarantee.from_verdicts(ROUNDED_WIDTHS, enclosing, verdicts))
+    entries.append(Guarantee.from_verdicts(ROUNDED_WIDTHS, enclosing, verdicts))
+    return under_assumptions(plant, claims, tuple(entries))
 
 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:

@@ -78,7 +78,7 @@ def _uncertain(plant: Plant) -> Jump:
 def _has_unit_inputs(plant: Plant) -> bool:
     """Has its event at uncertain times known inputs without a bound?"""
     event = _uncertain(plant)
-    return event.E is not None and event.largest_input is None
+    return event.E is not None and event.input_bound is None
 
 
 def _inputs(plant: Plant) -> str:

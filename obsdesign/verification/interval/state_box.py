@@ -1,0 +1,175 @@
+"""The box of the state of an uncertain plant: stated, or proved from its own tube."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim
+from lmi.arithmetic.balls import exact, to_float
+from lmi.bounds.tube import Tube, prove_tube
+from lmi.verdict import Verdict, proved, undecided
+from obsdesign.analysis.folded import Folded, StateBounds, absolute_plant, folded
+from obsdesign.analysis.interval.requirements import reason_against_parameters
+from obsdesign.document import Claim, Guarantee
+from obsdesign.errors import DoesNotApply
+from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import Problem
+from obsdesign.verification.consistency import inconsistent
+from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.interval.width import shown, vectors
+
+ID = "state_box"
+_NAMES = ("tube", "after_jump", "before_jump", "always")
+_SOURCE = "comparison with the positive system of |x|; tube"
+# parameters that a sentence names
+_MOST_NAMES = 3
+
+
+@dataclass(frozen=True)
+class CertainPlant:
+    """What claims of a plant are about.
+
+    problem: without parameters; entries: what a design stores of them; claims: on the box; failed:
+    the claims where there is no such problem, else empty.
+    """
+
+    problem: Problem
+    entries: Entries
+    claims: tuple[Claim, ...] = ()
+    failed: tuple[Claim, ...] = ()
+
+
+def certain_plant(problem: Problem, certificates: EntriesByClaim) -> CertainPlant:
+    """The problem itself where it has no parameters, else with their effects in its bounds.
+
+    certificates: {"state_box": tube} where the box is not stated; it is proved.
+    """
+    if not problem.plant.parameters:
+        return CertainPlant(problem, {})
+    if reason := reason_against_parameters(problem):
+        return CertainPlant(problem, {}, failed=(inconsistent(reason),))
+    try:
+        claims, bounds = _box(problem.plant, certificates.get(ID, {}))
+        if bounds is None:
+            reason = "[state] is missing, and the design holds no box that could be proved"
+            return CertainPlant(problem, {}, failed=(inconsistent(reason),))
+        certain: Folded = folded(problem, bounds)
+    except DoesNotApply as error:
+        return CertainPlant(problem, {}, failed=(inconsistent(str(error)),))
+    return CertainPlant(certain.problem, certain.entries, claims)
+
+
+def _box(plant: Plant, proposed: Entries) -> tuple[tuple[Claim, ...], StateBounds | None]:
+    """The claim on a proposed box and the box; no claim where the problem states one."""
+    if (stated := StateBounds.stated(plant)) is not None:
+        return (), stated
+    names = _NAMES if plant.jump is not None else ("tube", "always")
+    bounds = vectors(proposed, names, plant.n)
+    if bounds is None:
+        return (), None
+    tube = dict(zip(names, bounds, strict=True))
+    claim = Claim.from_verdict(ID, _statement(plant), _SOURCE, _verdict(plant, tube))
+    before = to_float(tube.get("before_jump", tube["always"]))
+    return (claim,), StateBounds.symmetric(to_float(tube["always"]), before)
+
+
+def _verdict(plant: Plant, tube: dict[str, Array]) -> Verdict:
+    W, f, N, h = absolute_plant(plant, exact)
+    stated = {name: to_float(values).tolist() for name, values in tube.items()}
+    if N is None or h is None:
+        v, always = tube["tube"], tube["always"]
+        holds = all(x < 0 for x in W @ v + f) and all(x > 0 for x in v)
+        if holds and all(a >= b for a, b in zip(always, v, strict=True)):
+            return proved(**stated, exact=True)
+        return undecided("W v + f < 0 does not hold for the proposed v")
+    dwell, unit = _dwell(plant), exact(np.eye(plant.n))
+    bounds = Tube(*(tube[name] for name in _NAMES))
+    verdict = prove_tube(W, f, N, h, unit, tube=bounds, low=dwell.low, high=dwell.high)
+    if verdict.outcome != "proved":
+        return verdict
+    return Verdict("proved", {**stated, **verdict.evidence})
+
+
+def _dwell(plant: Plant) -> Dwell:
+    assert plant.jump is not None
+    return Dwell(*(plant.jump.dwell_time or (0.0, math.inf)))
+
+
+def _statement(plant: Plant) -> str:
+    if plant.jump is None:
+        return (
+            "as time goes on, |x| comes to at most `always`, for every course of the parameters "
+            "inside their ranges: W v + f < 0 for |x|' <= W |x| + f"
+        )
+    return (
+        "as jumps go on, |x| comes to at most after_jump just after a jump, before_jump just "
+        "before one and always at any time, for every course of the parameters inside their "
+        f"ranges and dwell times in {_dwell(plant)}: a tube that |x|' <= W |x| + f, |x+| <= N |x| "
+        "+ h does not leave and is drawn to"
+    )
+
+
+def under_assumptions(
+    plant: Plant, claims: Sequence[Claim], guarantees: tuple[Guarantee, ...]
+) -> tuple[Guarantee, ...]:
+    """Each guarantee with a first sentence on what it assumes of parameters and of x."""
+    if not plant.parameters:
+        return guarantees
+    box = next((claim for claim in claims if claim.id == ID), None)
+    added = () if box is None else (ID,)
+    parts = (parameter_ranges(plant), _assumed_inputs(plant), _assumed_box(plant, box))
+    text = (
+        f"Assumed: {'; '.join(part for part in parts if part)}; the effects of parameters count as "
+        "disturbance and noise."
+    )
+    return tuple(
+        replace(
+            entry,
+            statement=f"{text} {entry.statement}",
+            claims=(*entry.claims, *added) if entry.claims else (),
+            given=entry.given and (box is None or box.verdict == "proved"),
+        )
+        for entry in guarantees
+    )
+
+
+def parameter_ranges(plant: Plant) -> str:
+    """The parameters with their ranges, or how many they are, in words."""
+    parameters = plant.parameters
+    if len(parameters) > _MOST_NAMES:
+        return f"{len(parameters)} parameters in their ranges"
+    return ", ".join(
+        f"{each.name} {'constant ' if each.constant else ''}in "
+        f"[{each.range[0]:g}, {each.range[1]:g}]"
+        for each in parameters
+    )
+
+
+def _assumed_box(plant: Plant, box: Claim | None) -> str:
+    if plant.state is not None:
+        ends = (_plain(plant.state.lower), _plain(plant.state.upper))
+        return f"x from {ends[0]} to {ends[1]} at every instant, as [state] says"
+    if box is None or box.verdict != "proved":
+        return "x in a box that is not proved"
+    before = ""
+    if "before_jump" in box.evidence:
+        before = f", {shown(box.evidence['before_jump'])} just before jumps"
+    return (
+        f"|x| at most {shown(box.evidence['always'])} at every instant{before}, to which |x| is "
+        "proved to come"
+    )
+
+
+def _assumed_inputs(plant: Plant) -> str:
+    """Known inputs that effects or the box count on, in words."""
+    blocks = (plant.flow, plant.jump)
+    is_bounded = any(block is not None and block.input_bound is not None for block in blocks)
+    return "known inputs within input_bound" if is_bounded else ""
+
+
+def _plain(values: Array) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in values) + ")"
