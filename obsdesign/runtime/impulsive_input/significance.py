@@ -15,6 +15,9 @@ LEAST_PEAK_DEVIATIONS = 8.0
 # deviations that an impulse must explain, by its position or by its fit: at an age that is given
 # noise does so in 2 of 1e9 windows, and a record has many windows with many ages each
 LEAST_DEVIATIONS = 6.0
+# of an impulse that an unknown state leaves where the two are told apart: the deviation of its
+# weight is then four to five times as large
+LEAST_SHARE_OF_GAIN = 0.05
 # without noise, |R|: of what the output itself leaves in it, by interpolation and rounding, and of
 # what impulses before it made of it, since their fitted values are added
 _OF_OUTPUT, _OF_IMPULSES = 1e-7, 3e-6

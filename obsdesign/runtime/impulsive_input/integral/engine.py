@@ -7,6 +7,7 @@ and a new search begins there: no sample is used twice.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -152,9 +153,8 @@ class IntegralEngine:
     def _prepared(self, live: IntegralLive) -> IntegralLive:
         """Rule and covariance for a search that begins, from its first window."""
         window, gains = self._window(live.track, 0), self.run.gains
-        if self.evaluator.gls and live.covariance is None:
-            P = first_covariance(self.run, window.y, live.track.x[0])
-            live = replace(live, covariance=P)
+        if live.history.t == -math.inf:
+            live = self._begun(live, window)
         is_position, position, threshold = gains.rule == "position", None, gains.threshold
         if gains.noisy:
             rule = Rule(0.0, _NOISY_SHARE, LEAST_DEVIATIONS if is_position else threshold)
@@ -165,6 +165,14 @@ class IntegralEngine:
         floor = exact_floor(size, live.largest)
         rule = Rule(floor, _EXACT_SHARE, floor if is_position else threshold)
         return replace(live, scan=replace(live.scan, rule=rule, position=position))
+
+    def _begun(self, live: IntegralLive, window: Window) -> IntegralLive:
+        """The state at the first window: covariance of the error, and what it hides."""
+        x, P = live.track.x[0], live.covariance
+        P = first_covariance(self.run, window.y, x) if P is None else P
+        if window.spread.all():
+            live = replace(live, confused_until=self.evaluator.confused_until(window, P))
+        return replace(live, covariance=P) if self.evaluator.gls else live
 
     def _window(self, track: Track, row: int) -> Window:
         """The window that begins at a row."""

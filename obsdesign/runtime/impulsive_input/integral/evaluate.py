@@ -28,7 +28,7 @@ from obsdesign.runtime.impulsive_input.integral.cells import CellFits
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.onsets import OnsetGrid, expected
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses, WindowNoise
-from obsdesign.runtime.impulsive_input.significance import is_significant
+from obsdesign.runtime.impulsive_input.significance import LEAST_SHARE_OF_GAIN, is_significant
 from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
     Weighted,
@@ -186,6 +186,27 @@ class Evaluator:
             correction = self.run.smoothing(window.t, start, samples)
         decision = self._decided(window, noise, event, correction)
         return replace(decision, cost=impulse.cost, freedom=freedom)
+
+    def confused_until(self, window: Window, P: Matrix) -> float:
+        """Time until which an impulse passes for an error of the state at first.
+
+        P (n, n): covariance of that error. Minus infinity where there are no such times, and where
+        the residual of the window is noise: then it has neither.
+        """
+        white = whitening(window.taps, window.spread)
+        responses = Responses.from_run(self.run, window.t, white.taps)
+        R = Weighted(white.features(window.error), np.eye(len(white.T)))
+        unknown, known = (
+            WindowNoise.from_features(R, responses, root, window.spread).features
+            for root in (square_root(P), np.zeros_like(P))
+        )
+        if float(known.R @ known.R) <= chi_squared_limit(len(known.R)):
+            return -math.inf
+        shown = responses.onsets[1:] @ self.gains.H
+        gains = [((features.T @ shown) ** 2).sum(axis=1) for features in (unknown, known)]
+        is_confused = (gains[0] < LEAST_SHARE_OF_GAIN * gains[1]).any(axis=1)
+        rows = int(np.argmin(np.append(is_confused, False)))
+        return float(window.t[rows]) if rows else -math.inf
 
     def _fitted_in_noise(self, window: Window, P: Matrix) -> tuple[WindowNoise, Impulse | None]:
         """White features of a window, and the impulse that explains them best."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -31,7 +32,8 @@ class IntegralLive:
 
     covariance: of the error at time `since`, None where it is not known (yet).
     first: time of the first row of the record, the phase of periodic samples.
-    largest: value of a search at which an impulse was evaluated, so far.
+    largest: value of a search at which an impulse was evaluated, so far. confused_until: until when
+    an impulse passes for an error of the state at first.
     """
 
     track: Track
@@ -42,6 +44,7 @@ class IntegralLive:
     waiting: tuple[HeldInput, ...] = ()
     absent: tuple[AbsentRow, ...] = ()
     largest: float = 0.0
+    confused_until: Past = -math.inf
     history: History = field(default_factory=History)
 
     def with_track(self, track: Track, scan: Scan) -> IntegralLive:

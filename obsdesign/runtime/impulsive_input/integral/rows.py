@@ -17,7 +17,13 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.gains import LARGEST
 from obsdesign.runtime.base import Estimate
-from obsdesign.runtime.impulsive_input.event import OPEN, Event, missing_sample, with_event
+from obsdesign.runtime.impulsive_input.event import (
+    CONFUSED,
+    OPEN,
+    Event,
+    missing_sample,
+    with_event,
+)
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.live import AbsentRow, HeldInput, IntegralLive
@@ -156,7 +162,8 @@ class Rows:
         missing: tuple[str, ...] = (),
     ) -> Estimate:
         beyond = () if np.abs(x).max() < LARGEST else (_BEYOND,)
-        reasons = (*missing, *beyond, *live.history.doubt.doubts_at(t), *remarks)
+        confused = (CONFUSED,) if t <= live.confused_until else ()
+        reasons = (*missing, *beyond, *confused, *live.history.doubt.doubts_at(t), *remarks)
         return Estimate(t, x=x, status=status_of(reasons))
 
     def _missing(self, first: float, t: float) -> tuple[str, ...]:

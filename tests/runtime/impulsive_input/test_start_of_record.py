@@ -1,0 +1,58 @@
+"""Impulses right after the first sample, which an error of the state at first explains as well."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from obsdesign.runtime.impulsive_input.event import CONFUSED
+from tests.systems.impulsive_input import events_of, observer_of, record, rows_from
+
+CHAIN = (np.array([[-0.5, 0.0], [0.7, -0.86]]), np.array([[0.0, 1.0]]))
+TURNING = (np.array([[-0.25, -0.94], [0.94, -0.35]]), np.array([[0.0, 1.0]]))
+NOISE, PERIOD = 0.002, 0.1
+WORDS = "an error of the state at first explains an impulse as well"
+
+
+def rows_of_record(plant: Any, train: Any, **options: Any) -> tuple[list[Any], list[Any]]:
+    A, C = plant
+    body = {
+        "flow": {"A": A.tolist()},
+        "jump": {"H": [[1], [0]], "dwell_time": [8.0, math.inf]},
+        "output": {"C": C.tolist(), "measured": "periodic", "period": PERIOD, "noise_std": [NOISE]},
+        "observer": {"kind": "impulsive_input", "operator": "integral", **options},
+    }
+    t, rng = PERIOD * np.arange(260), np.random.default_rng(0)
+    y = record(A, [[1.0], [0.0]], train, t, np.zeros(2)) @ C.T
+    rows = rows_from(observer_of(body), t, y + NOISE * rng.standard_normal(y.shape))
+    return rows, events_of(rows)
+
+
+@pytest.mark.parametrize("plant", [CHAIN, TURNING], ids=["chain", "turning"])
+@pytest.mark.parametrize("onset", [0.06, 0.33, 0.81])
+def test_rows_have_a_doubt_where_an_impulse_is_no_other_than_an_unknown_state(
+    plant: Any, onset: float
+) -> None:
+    rows, events = rows_of_record(plant, [(onset, 1.0), (onset + 12, 1.0)])
+    is_decided = any(abs(event.t - onset) < 0.2 for event in events)
+    doubted = [row.t for row in rows if CONFUSED in row.status]
+    assert is_decided or doubted[-1] >= onset
+    assert doubted == [row.t for row in rows[: len(doubted)]]  # from the first row on, no gap
+    assert {row.status for row in rows if doubted[-1] < row.t < 12} == {"ok"}
+
+
+def test_no_row_has_it_where_the_state_is_known() -> None:
+    rows, events = rows_of_record(CHAIN, [(0.33, 1.0), (12.3, 1.0)], initial_std=[1e-3, 1e-3])
+    assert rows[0].status == "ok"
+    assert abs(events[0].t - 0.33) < 5 * events[0].t_std
+    assert not any(WORDS in row.status for row in rows)
+
+
+@pytest.mark.parametrize("options", [{}, {"weighting": "plain"}])
+def test_no_row_has_it_at_rest(options: dict[str, Any]) -> None:
+    rows, events = rows_of_record(CHAIN, [(12.3, 1.0)], **options)
+    assert len(events) == 1
+    assert {row.status for row in rows} == {"ok", "unresolved"}
