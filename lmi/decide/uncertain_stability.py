@@ -47,7 +47,7 @@ def decide_uncertain(
     if counter.outcome == "refuted":
         return counter
     attempt = find_uncertain(family, low, high, budget=budget)
-    if attempt.outcome == "proved":
+    if attempt.outcome != "undecided":
         return attempt
     growth = {k: counter.evidence[k] for k in ("stays", "growth_per_jump") if k in counter.evidence}
     return replace(attempt, evidence={**attempt.evidence, **growth})
@@ -56,9 +56,16 @@ def decide_uncertain(
 def find_uncertain(
     family: AffineFamily, low: float, high: float, *, budget: TimeBudget = UNLIMITED
 ) -> Verdict:
-    """Proved with a certificate, of cells where parameters are constant; else undecided."""
+    """Proved with a certificate, of cells where parameters are constant, else undecided.
+
+    Refuted where the middle of a cell is.
+    """
     if any(family.is_constant):
-        return find_cells(family, low, high, budget=budget)
+        attempt = find_cells(family, low, high, budget=budget)
+        ends = attempt.evidence.get("worst_cell", [])
+        middle = tuple((below + above) / 2 for below, above in ends)
+        counter = refute_constant_parameters(family, middle, low, high) if ends else attempt
+        return counter if counter.outcome == "refuted" else attempt
     return find_clock_matrix(family, low, high, segments=SEGMENTS[1:], budget=budget)
 
 
@@ -68,7 +75,7 @@ def refuted_uncertain(
     """Refuted by constant parameters or by some that switch; else undecided, with the growth."""
     try:
         with np.errstate(all="ignore"):
-            counter = _constant(family, low, high, budget)
+            counter = refuted_by_constants(family, low, high, budget=budget)
             worst = None
             if counter.outcome != "refuted":
                 worst = worst_switching(family, low, high, budget=budget)
@@ -77,7 +84,9 @@ def refuted_uncertain(
     return counter if worst is None else refute_parameters(family, low, high, worst.word)
 
 
-def _constant(family: AffineFamily, low: float, high: float, budget: TimeBudget) -> Verdict:
+def refuted_by_constants(
+    family: AffineFamily, low: float, high: float, *, budget: TimeBudget = UNLIMITED
+) -> Verdict:
     """Refuted by constant parameters: those of large radii, and the middle of the box."""
     candidates = worst_points(family, low, high)
     centre = (0.0,) * family.count

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import NewEntries
 from lmi.find.clock_matrix import find_clock_matrix
+from lmi.find.worst_parameters import worst_dwell_time
 from lmi.parameters import AffineFamily
 from lmi.prove.parameter_cells import DEEPEST
 from lmi.time_budget import UNLIMITED, TimeBudget, ended_by_count
@@ -55,7 +56,8 @@ def find_cells(
     """Proved with a tree of cells (`lmi.prove.parameter_cells`), or undecided.
 
     Undecided evidence: "cells", those proved, "share" of the box that they cover, and "worst_cell",
-    the ends of each parameter in the largest that is not.
+    the ends of each parameter in the largest that is not. The search ends where the middle of a
+    cell is unstable.
     """
     root = _Cell(family, [[-1.0, 1.0] for _ in range(family.count)])
     waiting, count, proved_cells, share, matrices = deque([root]), 1, 0, 0.0, 0
@@ -70,7 +72,8 @@ def find_cells(
             continue
         widest = _widest(cell.family, min(high, max(low, 1.0)))
         limit = budget.ended() or (ended_by_count("cells", most) if count >= most else {})
-        if limit or widest < 0 or cell.depth >= DEEPEST:
+        centre = worst_dwell_time(cell.family, (0.0,) * family.count, low, high)
+        if limit or widest < 0 or cell.depth >= DEEPEST or centre.radius >= 1:
             return undecided("not every cell of the constant parameters has a certificate",
                              cells=proved_cells, share=share, worst_cell=cell.box,
                              **limit)  # fmt: skip

@@ -42,7 +42,7 @@ def worst_points(family: AffineFamily, low: float, high: float) -> list[Constant
     corners = list(family.corners()) if q <= 8 else []
     points = [(0.0,) * q, *corners, *map(tuple, rng.uniform(-1, 1, (_INSIDE, q)).tolist())]
     with np.errstate(all="ignore"):
-        candidates = [_worst_theta(A, G, p, (low, high)) for p in dict.fromkeys(points)]
+        candidates = [worst_dwell_time(family, p, low, high) for p in dict.fromkeys(points)]
         best = sorted(candidates, key=lambda entry: -entry.radius)[:_REFINED]
         refined = [_refined(A, G, entry, (low, high)) for entry in best]
         if math.isinf(high):
@@ -58,8 +58,11 @@ def _at(parts: Array, p: Point) -> Array:
     return np.asarray(parts[0] + np.tensordot(np.array(p), parts[1:], 1))
 
 
-def _worst_theta(A: Array, G: Array, p: Point, ends: tuple[float, float]) -> ConstantPoint:
-    thetas, maps = Edge(_at(A, p), _at(G, p), *ends).grid()
+def worst_dwell_time(family: AffineFamily, p: Point, low: float, high: float) -> ConstantPoint:
+    """The dwell time of the largest radius at this p, on a grid."""
+    A, G = family.floats()
+    with np.errstate(all="ignore"):
+        thetas, maps = Edge(_at(A, p), _at(G, p), low, high).grid()
     radii = finite_spectral_radii(maps)
     k = int(np.argmax(radii))
     return ConstantPoint(p, float(thetas[k]), float(radii[k]))
