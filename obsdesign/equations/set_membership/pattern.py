@@ -73,7 +73,10 @@ def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:
     if gains.d_rate is not None:
         return "the unknown input is estimated too, and no width of both is proved"
     if gains.sensors:
-        return "events and sensors keep times of their own, and no pattern of rows repeats itself"
+        return (
+            "events and sensors keep times of their own, and no pattern of rows repeats itself; "
+            "kind interval claims widths for all of these times"
+        )
     if gains.measured == "continuous":
         return "output.measured is continuous: the spacing of the samples is not stated"
     if reason := _reason_against_steps(gains):

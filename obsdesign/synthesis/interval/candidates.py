@@ -10,6 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterator
 from dataclasses import replace
+from itertools import chain
+
+import numpy as np
 
 from lmi.arithmetic.arrays import Entries
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
@@ -184,13 +187,15 @@ def _at_once(search: GainSearch) -> Generator[Candidate, None, PlacedGains]:
 def _in_open_coordinates(search: GainSearch, remarks: tuple[Remark, ...]) -> Iterator[Candidate]:
     """Yield from candidate bases; only if that is not enough from a search over bases."""
     problem, given = search.problem, search.given
+    # forms `cooperative` and `split` are of the plant's own coordinates
+    auto = problem.options_as(IntervalOptions).form == "auto"
     if problem.plant.output.measured == "periodic":
-        frames = ({"S": S} for S in sampled_bases(search))
+        bases = chain(sampled_bases(search), () if auto else (np.diag(search.units.sizes),))
+        frames = ({"S": S} for S in bases)
         yield from sampled_candidates(search, "coordinates", frames)
         return
-    auto = problem.options_as(IntervalOptions).form == "auto"
     for improve in (False, True) if auto else (True,):
-        best = CoordinateSearch(search).best(improve=improve)
+        best = CoordinateSearch(search).best(improve=improve, with_own=not auto)
         if search.user is not None and math.isinf(best.value):
             yield replace(unmet_constraints("form coordinates", "gains were"), goes_on=improve)
             continue

@@ -53,8 +53,11 @@ class CoordinateSearch:
 
     gains: GainSearch
 
-    def best(self, *, improve: bool) -> CoordinateChoice:
-        """Return the best of the bases, improved by a simplex search if `improve`."""
+    def best(self, *, improve: bool, with_own: bool = False) -> CoordinateChoice:
+        """Return the best of the bases, improved by a simplex search if `improve`.
+
+        with_own: of the plant's own coordinates too, where no other form has tried them.
+        """
         choices: list[CoordinateChoice] = []
         count = self.gains.budget.scaled(_BASES_WORK) // self.gains.problem.plant.n**3
         for S in itertools.islice(_bases(self.gains), min(max(count, 1), _MOST_BASES)):
@@ -70,9 +73,11 @@ class CoordinateSearch:
             solvers = merged(solvers, ("SciPy",))
         if not self._is_sufficient(best):
             remarks += self._remark(self.gains.budget.ended())
-        thorough = self._with_best_gains(best.S)
-        chosen = min(best, thorough, key=lambda choice: choice.value)
-        return replace(chosen, remarks=remarks + thorough.remarks, solvers=solvers)
+        own = np.diag(self.gains.units.sizes)
+        thorough = [self._with_best_gains(S) for S in ((best.S, own) if with_own else (best.S,))]
+        chosen = min(best, *thorough, key=lambda choice: choice.value)
+        remarks += tuple(remark for choice in thorough for remark in choice.remarks)
+        return replace(chosen, remarks=remarks, solvers=solvers)
 
     def _remark(self, end: Entries) -> tuple[Remark, ...]:
         return remark_end("coordinates", end, matters=self.gains.objective != "feasible")
