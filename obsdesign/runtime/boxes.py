@@ -22,6 +22,7 @@ class BoundsFault(StrEnum):
 
     OVERFLOWED = "bounds overflowed"
     CROSSED = "bounds crossed"  # which refutes the bounds of the step before
+    APART = "state box refuted"  # the bounds without it do not cross
 
 
 def bound_names(n: int) -> tuple[str, ...]:

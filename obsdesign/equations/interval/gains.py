@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 from lmi.arithmetic.arrays import Array, NewEntries, Value
@@ -11,8 +12,10 @@ from obsdesign.equations.gains import plant_data
 from obsdesign.equations.plant import Plant
 from obsdesign.equations.shaped_gains import ShapedGains, shaped_entries
 from obsdesign.equations.stored import blocks, matrix, number, word
-from obsdesign.equations.uncertain import EffectGains
+from obsdesign.equations.uncertain import MATRICES, EffectGains
 
+# gains on the measured part of effects, of any values
+CORRECTIONS = ("flow_correction", "jump_correction")
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
 
 
@@ -31,7 +34,9 @@ class IntervalGains(ShapedGains):
     each parameter adds as it goes from 0 to 1; flow_effect, jump_effect (n,), output_effect (p,):
     how much of the bounds of b, c and v they are. They hold while state_lower <= x <= state_upper,
     pre_jump_lower <= x <= pre_jump_upper just before jumps, |u| <= input_bound (m,) and
-    |w| <= jump_input_bound (l,), of those inputs that the bounds count on.
+    |w| <= jump_input_bound (l,), of those inputs that the bounds count on. flow_correction,
+    jump_correction (q, n, p): for each effect gains on y - C m in the observer's coordinates, which
+    take the measured part of A_i x and G_i x from y; None for zero. Any gains are sound.
     """
 
     noise_bound: Array = matrix("p")
@@ -57,6 +62,8 @@ class IntervalGains(ShapedGains):
     pre_jump_upper: Array | None = matrix("n", optional=True)
     input_bound: Array | None = matrix("m", optional=True)
     jump_input_bound: Array | None = matrix("l", optional=True)
+    flow_correction: Array | None = matrix("q", "n", "p", optional=True)
+    jump_correction: Array | None = matrix("q", "n", "p", optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -65,6 +72,10 @@ class IntervalGains(ShapedGains):
             needed = (*needed, "Gp", "Gn")
         if self.S2 is not None:
             needed = (*needed, "T")
+        for name in CORRECTIONS:
+            own = getattr(self, name)
+            if own is not None and len(own) != len(self.effects):
+                raise ValueError(f"gains.{name} must have one matrix for each of gains.effects.")
         for name in needed:
             if getattr(self, name) is None:
                 raise ValueError(f"gains.{name} is required by form {self.form!r}; it is missing.")
@@ -77,6 +88,12 @@ class IntervalGains(ShapedGains):
     def to_document(self) -> NewEntries:
         """Entries of a design file: the form, then those that the design has."""
         return {"form": self.form} | super().to_document()
+
+    @cached_property
+    def is_uncertain(self) -> bool:
+        """Does a parameter add anything?"""
+        stated = [getattr(each, key) for each in self.effects for key in MATRICES]
+        return any(values is not None and values.any() for values in stated)
 
     @property
     def is_periodic(self) -> bool:

@@ -11,6 +11,9 @@ gives
 
 so that the box of the next step is a maximum, entry by entry, and no further arithmetic.
 
+Of a plant with parameters, v has before its second 1 the magnitudes of forms: of further products
+with [e; y0; y1; u; 0; 1], whose rounding and errors the rows cover (`parametric_kernels`).
+
 Rounding: |float(a'v) - a'v| <= gamma |a|'|v|. The margin on the outer side of a bound covers it,
 the error of the enclosed maps, and its own rounding.
 """
@@ -18,15 +21,22 @@ the error of the enclosed maps, and its own rounding.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import MODERATE
 from obsdesign.runtime.boxes import BoundsFault
+
+
+class Product(Protocol):
+    """A product with a vector, in `out` if it is there."""
+
+    def __call__(self, v: Matrix, out: Matrix | None = None, /) -> Matrix:
+        """The product."""
 
 
 class Result(NamedTuple):
@@ -48,7 +58,9 @@ class Kernel:
 
     rows: the matrix; n, p: states and outputs; candidates, inner: how many bounds of x and of z it
     gives (inner: 0 where z is x); whole: rows of the bounds of x and z without any cut; blank: v of
-    nothing; middle: where its absolute values begin.
+    nothing; middle: where its absolute values begin. forms (k, middle): what it multiplies before,
+    None of a plant without parameters; own: how many of the candidates of x and of z, the first of
+    each, do not count on known bounds of the state; None where all do not.
     """
 
     rows: Matrix
@@ -59,6 +71,33 @@ class Kernel:
     whole: Matrix
     blank: Matrix
     middle: int
+    forms: Matrix | None = None
+    own: tuple[int, int] | None = None
+
+    @property
+    def product(self) -> Product:
+        """The product with v, (width,), which is filled but for the magnitudes of forms."""
+        rows = cast(Product, self.rows.dot)
+        if self.forms is None:
+            return rows
+        forms, known, drives = self.forms.dot, slice(self.middle), self._drives
+
+        def product(v: Matrix, out: Matrix | None = None) -> Matrix:
+            np.absolute(forms(v[known]), v[drives])
+            return rows(v, out)
+
+        return product
+
+    def fill_drives(self, v: Matrix) -> None:
+        """Write the magnitudes of forms into v, (width,) or (width, k); nothing without any."""
+        if self.forms is not None:
+            np.absolute(self.forms.dot(v[: self.middle]), v[self._drives])
+
+    @property
+    def _drives(self) -> slice:
+        """Where v has the magnitudes of forms."""
+        count = 0 if self.forms is None else len(self.forms)
+        return slice(self.width - 1 - count, self.width - 1)
 
     @property
     def moderate(self) -> bool:
@@ -89,7 +128,7 @@ class Kernel:
         n2, p, middle = 2 * self.n, self.p, self.middle
         (first, *others), inner = self.blocks
         return KernelParts(
-            self.rows.dot, self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
+            self.product, self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
             slice(middle), slice(middle, None), self.checks, first, tuple(others), tuple(inner),
             bool(self.rows[:, n2 : n2 + p].any()), n2 + p, slice(self.n), slice(self.n, None),
             begins, 2.0 * begins,
@@ -105,14 +144,14 @@ class Kernel:
         if y1 is not None:
             v[n2 + p : n2 + 2 * p] = y1
         if u.size:
-            v[n2 + 2 * p : middle - 1] = u
+            v[n2 + 2 * p : n2 + 2 * p + len(u)] = u
         np.abs(v[:middle], v[middle:])
         return v
 
     def after(self, box: Matrix, y0: Matrix | None, y1: Matrix | None, u: Matrix) -> Result:
         """Box and bounds after the step; arguments as for `vector`."""
         v = self.vector(box, y0, y1, u)
-        return self.result(v, self.rows.dot(v))
+        return self.result(v, self.product(v))
 
     def ends(self, out: Matrix) -> tuple[Matrix, Matrix]:
         """[lower; -upper] of x and of z from a result, (2n,) each."""
@@ -134,8 +173,20 @@ class Kernel:
         fault = None
         if crossed(ends) or crossed(box):
             fault, whole = BoundsFault.CROSSED, self.whole.dot(v)
-            ends, box = whole[: 2 * n], whole[-2 * n :]
+            own = self._own_ends(out)
+            if own is None or crossed(own[0]) or crossed(own[1]):
+                ends, box = whole[: 2 * n], whole[-2 * n :]
+            else:
+                fault, (ends, box) = BoundsFault.APART, own
         return Result(box, ends[:n], -ends[n:], size, fault)
+
+    def _own_ends(self, out: Matrix) -> tuple[Matrix, Matrix] | None:
+        """`ends` without known bounds of the state; None where none are used."""
+        if self.own is None:
+            return None
+        outer, inner = self.blocks
+        ends = largest([out[block] for block in outer[: self.own[0]]])
+        return ends, largest([out[block] for block in inner[: self.own[1]]]) if inner else ends
 
     def implausible(self, out: Matrix) -> list[str]:
         """Measurements that no state inside the bounds can give: they refute the bounds."""
@@ -154,7 +205,7 @@ class KernelParts(NamedTuple):
     first y_end; lows, highs: halves of a candidate; begins, ends: of t, ends not included.
     """
 
-    product: Callable[[Matrix], Matrix]
+    product: Product
     blank: Matrix
     box: slice
     y_start: slice

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,35 +38,85 @@ def kernel(
 
     noise: (p,) radius of the noise of y1 whose parts are the last inputs before 1, beside V.
     """
-    n, p = len(step.g), len(C)
-    columns = step.X.mid.shape[1]
+    p = len(C)
+    y_end = measurement(model, step.X.mid.shape[1])
+    if noise is not None:
+        y_end.rad[:, -p - 1 : -1] = np.diag(noise)
+    listed = [step, *(each for each in cuts.boxes if each is not step)]
+    boxes, strips = ([Contained(Rows.of_map(each)) for each in maps]
+                     for maps in (listed, cuts.strips))  # fmt: skip
+    return kernel_of_rows(model, exactly(C), boxes, strips, y_end)
+
+
+def measurement(model: Model, columns: int) -> Enclosure:
+    """y1 - y_mid as forms of v, (p, columns)."""
+    p, n = model.C.mid.shape
     y_end = exactly(np.zeros((p, columns)))
     y_end.mid[:, n + p : n + 2 * p] = np.eye(p)
     y_end.mid[:, -1] = -model.y_mid
-    if noise is not None:
-        y_end.rad[:, -p - 1 : -1] = np.diag(noise)
-    before = _Rows.of_map([*cuts.strips, step][0])
-    residual = before.times(-model.C, y_end)
-    residual = _Rows(residual.X, residual.R, residual.g + model.V)
+    return y_end
+
+
+def kernel_of_rows(
+    model: Model, C: Enclosure, boxes: Sequence[Contained], strips: Sequence[Contained],
+    y_end: Enclosure, bounded: Bounded | None = None,
+) -> Kernel:  # fmt: skip
+    """The kernel of a step to the first of `boxes`, cut with all of them and with strips.
+
+    C: in the coordinates of the plant; strips: as in `Cuts`; y_end: (p, columns), y1 - y_mid;
+    bounded: further cuts, which count on known bounds of x.
+    """
+    step, (p, columns) = boxes[0].states, y_end.mid.shape
+    n = len(step.g)
+    states, noise = [*strips, boxes[0]][0]
+    residual = widened(states.times(-model.C, y_end), noise, model.V)
     checks = -np.vstack([residual.lower(-1.0), residual.lower()])
-    maps = [_Rows.of_map(each) for each in (step, *(m for m in cuts.boxes if m is not step))]
-    strips = [_Rows.of_map(each) for each in cuts.strips]
-    outer = _candidates(maps, strips, model.S, exactly(C), V=model.V, y_end=y_end)
-    inner = (
-        [] if model.S is None else _candidates(maps, strips, None, model.C, V=model.V, y_end=y_end)
-    )
-    both = [_ends(maps[0] if model.S is None else maps[0].times(model.S)), _ends(maps[0])]
+    outer, inner = _all_candidates(model, C, boxes, strips, y_end)
+    own = None if bounded is None else (len(outer), len(inner))
+    if bounded is not None:
+        more = _all_candidates(model, C, bounded.boxes, bounded.strips, y_end)
+        outer, inner = [*outer, *more[0], _ends(bounded.known)], [*inner, *more[1]]
+    both = [_ends(step if model.S is None else step.times(model.S)), _ends(step)]
     whole = np.vstack(both[: 1 if model.S is None else 2])
     total = _total(np.vstack([checks, whole, *outer, *inner]))
     rows = np.vstack([checks, total, *outer, *inner])
     middle = n + columns
     blank = np.zeros(2 * middle)
     blank[middle - 1] = 1.0
-    return Kernel(rows, n, p, len(outer), len(inner), whole, blank, middle)
+    return Kernel(rows, n, p, len(outer), len(inner), whole, blank, middle, own=own)
+
+
+def _all_candidates(
+    model: Model, C: Enclosure, boxes: Sequence[Contained], strips: Sequence[Contained],
+    y_end: Enclosure,
+) -> tuple[list[Matrix], list[Matrix]]:  # fmt: skip
+    """Candidates for the bounds of x, and for those of z where x = S z."""
+    maps, S = [each.states for each in boxes], model.S
+    if S is None:
+        return _candidates(maps, strips, C, V=model.V, y_end=y_end), []
+    inner = _candidates(maps, strips, model.C, V=model.V, y_end=y_end)
+    maps = [box.times(S) for box in maps]
+    strips = [each._replace(states=each.states.times(S)) for each in strips]
+    return _candidates(maps, strips, C, V=model.V, y_end=y_end), inner
+
+
+class Bounded(NamedTuple):
+    """Cuts of a plant with parameters where bounds of x are known; known: these bounds."""
+
+    boxes: Sequence[Contained]
+    strips: Sequence[Contained]
+    known: Rows
+
+
+class Contained(NamedTuple):
+    """States that a step leads to, and y1 - y_mid - C z there, None where that is within V."""
+
+    states: Rows
+    noise: Rows | None = None
 
 
 @dataclass(frozen=True)
-class _Rows:
+class Rows:
     """Quantities within R r + g of X [m; y0; y1; u; 1], r and m the radius and centre of a box."""
 
     X: Enclosure
@@ -73,15 +124,15 @@ class _Rows:
     g: Matrix
 
     @classmethod
-    def of_map(cls, step: BoxMap) -> _Rows:
+    def of_map(cls, step: BoxMap) -> Rows:
         """The states that a map leads to."""
         return cls(step.X, step.R, step.g)
 
-    def times(self, left: Enclosure, plus: Enclosure | None = None) -> _Rows:
+    def times(self, left: Enclosure, plus: Enclosure | None = None) -> Rows:
         """left times these, plus a known part."""
         weight, terms = size(left), 2 * len(self.g)
         X = left @ self.X
-        return _Rows(
+        return Rows(
             X if plus is None else X + plus,
             raised(weight @ self.R, terms),
             raised(weight @ self.g, terms),
@@ -104,7 +155,16 @@ class _Rows:
         return np.hstack([signed, -error])
 
 
-def _ends(rows: _Rows) -> Matrix:
+def widened(rows: Rows, noise: Rows | None, V: Matrix, outputs: slice = slice(None)) -> Rows:
+    """Rows of some outputs with the noise of their measurement; V where that is None."""
+    if noise is None:
+        return Rows(rows.X, rows.R, rows.g + V[outputs])
+    rad = raised(rows.X.rad + noise.X.rad[outputs], 1)
+    R = raised(rows.R + noise.R[outputs], 1)
+    return Rows(Enclosure(rows.X.mid, rad), R, rows.g + noise.g[outputs])
+
+
+def _ends(rows: Rows) -> Matrix:
     """[lower; -upper] of all points within R r + g of X v, rounded outward."""
     return np.vstack([rows.lower(), rows.lower(-1.0)])
 
@@ -119,14 +179,12 @@ def _total(rows: Matrix) -> Matrix:
 
 
 def _candidates(
-    maps: list[_Rows], strips: list[_Rows], S: Enclosure | None, C: Enclosure, *, V: Matrix,
-    y_end: Enclosure,
-) -> list[Matrix]:  # fmt: skip
-    """Bounds of S z, C acting on S z: in as few blocks as the state with most bounds needs.
+    maps: list[Rows], strips: Sequence[Contained], C: Enclosure, *, V: Matrix, y_end: Enclosure
+) -> list[Matrix]:
+    """Bounds of states on which C acts: in as few blocks as the state with most bounds needs.
 
     Those that are not finite only of the first map; none twice, none that two others imply.
     """
-    maps, strips = ([box if S is None else box.times(S) for box in each] for each in (maps, strips))
     n = len(maps[0].g)
     of_state: list[list[Matrix]] = [[] for _ in range(n)]
     for box in maps:
@@ -134,9 +192,9 @@ def _candidates(
         for j, pairs in enumerate(of_state):
             if not (strips and _is_between(box, strips[-1], C, V, j)):
                 pairs.append(ends[[j, n + j]])
-    for box in strips:
+    for strip in strips:
         for i, j in zip(*np.nonzero(C.mid), strict=True):
-            pair = _strip_pair(box, C, V, y_end, (int(i), int(j)))
+            pair = _strip_pair(strip, C, V, y_end, (int(i), int(j)))
             of_state[int(j)] += [] if pair is None else [pair]
     of_state = [_distinct(pairs) for pairs in of_state]
     blocks = np.empty((max(map(len, of_state)), 2 * n, y_end.mid.shape[1] * 2 + 2 * n))
@@ -155,11 +213,14 @@ def _distinct(pairs: list[Matrix]) -> list[Matrix]:
     return kept
 
 
-def _is_between(box: _Rows, free: _Rows, C: Enclosure, V: Matrix, j: int) -> bool:
-    """Does state j of a box lie between those of `free` and of a strip that is about it alone?
+def _is_between(box: Rows, strip: Contained, C: Enclosure, V: Matrix, j: int) -> bool:
+    """Does state j of a box lie between those of `strip` without y1 and of one about it alone?
 
-    Its bounds are then (1 - s) times those of `free` plus s times those of the strip, or wider.
+    Its bounds are then (1 - s) times those without plus s times those of the strip, or wider.
     """
+    free, noise = strip
+    if noise is not None:
+        return False
     n, p = len(box.g), len(V)
     (used,) = np.nonzero(box.X.mid[j, n + p : n + 2 * p])
     if len(used) != 1:
@@ -196,7 +257,7 @@ def is_known_from_strip(start: BoxMap, free: BoxMap, C: Matrix, V: Matrix) -> bo
 
 
 def _strip_pair(
-    states: _Rows, C: Enclosure, V: Matrix, y_end: Enclosure, entry: tuple[int, int]
+    strip: Contained, C: Enclosure, V: Matrix, y_end: Enclosure, entry: tuple[int, int]
 ) -> Matrix | None:
     """Rows for the lower and the upper bound of one state from one output; None if not finite."""
     i, j = entry
@@ -211,9 +272,10 @@ def _strip_pair(
         return None
     others = Enclosure(-C.mid[i : i + 1], C.rad[i : i + 1].copy())
     others.mid[0, j] = others.rad[0, j] = 0.0
-    term = states.times(others, Enclosure(y_end.mid[i : i + 1], y_end.rad[i : i + 1]))
+    term = strip.states.times(others, Enclosure(y_end.mid[i : i + 1], y_end.rad[i : i + 1]))
+    term = widened(term, strip.noise, V, slice(i, i + 1))
     largest = float(raised(np.array(scale + off), 2)) if error else scale
     R = raised(term.R * largest, 2)
-    g = raised((term.g + V[i]) * largest, 4)
-    pair = _ends(_Rows(term.X.scaled(1.0 / c, off), R, g))
+    g = raised(term.g * largest, 4)
+    pair = _ends(Rows(term.X.scaled(1.0 / c, off), R, g))
     return pair if np.isfinite(pair).all() else None

@@ -54,16 +54,30 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, expm, inverse, powers, raised, stack
 from lmi.arithmetic.exponential import FLOW_PIECES
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.runtime.interval.model import Model, completed, exactly, metzler_bound, size
+from obsdesign.runtime.interval.drives import Drives, Radius
+from obsdesign.runtime.interval.model import (
+    Model,
+    completed,
+    exactly,
+    metzler_bound,
+    rounded,
+    size,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class BoxMap:
-    """X: (n, n + 2p + m + 1); R: (n, n); g: (n,)."""
+    """X: (n, n + 2p + m + 1); R: (n, n); g: (n,).
+
+    Of a plant with parameters, drives: what the radius gains besides; sample: bound of
+    |y1 - y_mid - C z|, C the nominal output, in place of V.
+    """
 
     X: Enclosure
     R: Matrix
     g: Matrix
+    drives: Drives | None = None
+    sample: Radius | None = None
 
 
 def box_map(
@@ -148,7 +162,8 @@ def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
 
 def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
     """Return the maps of a jump: without its measurement (False) and with it, if there is one."""
-    G, M, C = (exactly(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
+    M = exactly(gains.M)
+    G, C = (rounded(X, model.relative_error) for X in (gains.jump_matrix, gains.C))
     n, when, V = gains.n, gains.jump_measurement, model.V
     known = model.jump_inputs
     # with samples as events the claims are about |G e^{A s}|: no split of the jump is used
@@ -179,7 +194,7 @@ def flow_and_jump_spread(
     model: Model, gains: IntervalGains, h: float, h_error: float
 ) -> tuple[Matrix, Matrix]:
     """(R, g) of a step of length h +- h_error and an uncorrected jump at its end, as one map."""
-    G = model.similar(exactly(gains.jump_matrix))
+    G = model.similar(rounded(gains.jump_matrix, model.relative_error))
     Phi = expm(model.A.scaled(h, h_error))
     added = model.spread(model.c_rad, model.c_columns)
     if h > 0:

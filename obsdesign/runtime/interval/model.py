@@ -7,6 +7,7 @@ is changed and nothing is lost.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 
@@ -25,7 +26,7 @@ class Model:
     jump_inputs: [E, middle of c] as they enter x, n rows; b_rad (n,): radius of b. c is
     c_columns @ w as it enters x and |w| <= c_rad; without columns c_rad (n,) is that of c. V,
     y_mid: radius and middle of the noise; width: upper bound of W = D0 + D1; S, S_inverse: None
-    where z is x.
+    where z is x; relative_error: of stored numbers of the plant.
     """
 
     A: Enclosure
@@ -41,6 +42,7 @@ class Model:
     width: Matrix
     S: Enclosure | None
     S_inverse: Enclosure | None
+    relative_error: float = 0.0
 
     def inward(self, X: Enclosure) -> Enclosure:
         """S^-1 X."""
@@ -78,11 +80,15 @@ class Model:
         return raised(size(X) @ radius, 2 * len(radius))
 
 
-def observer_model(gains: IntervalGains) -> Model:
-    """The model of a design; ValueError if S cannot be inverted with certainty."""
+def observer_model(gains: IntervalGains, relative_error: float = 0.0) -> Model:
+    """The model of a design; ValueError if S cannot be inverted with certainty.
+
+    relative_error: of the entries of A, B, G, E and C as they are stored.
+    """
     S = None if gains.S is None else exactly(gains.S)
     S_inverse = None if gains.S is None else inverse(gains.S)
-    A, C, L = (exactly(matrix) for matrix in (gains.A, gains.C, gains.L))
+    A, C = (rounded(X, relative_error) for X in (gains.A, gains.C))
+    L = exactly(gains.L)
     b_columns, c_columns = shapes(gains)
     b_mid, b_rad = midpoint(*gains.declared_disturbance[1:])
     c_mid = c_rad = np.zeros(gains.n)
@@ -90,8 +96,9 @@ def observer_model(gains: IntervalGains) -> Model:
         c_mid, c_rad = midpoint(*gains.jump_disturbance[1:])
     y_mid = np.zeros(gains.p) if gains.noise_centre is None else gains.noise_centre
     plant = Model(
-        A=A, C=C, L=L, inputs=_known(gains.B, b_columns, b_mid), b_rad=b_rad,
-        jump_inputs=_known(gains.E, c_columns, c_mid), c_columns=c_columns, c_rad=c_rad,
+        A=A, C=C, L=L, inputs=_known(rounded(gains.B, relative_error), b_columns, b_mid),
+        b_rad=b_rad, jump_inputs=_known(rounded(gains.E, relative_error), c_columns, c_mid),
+        c_columns=c_columns, c_rad=c_rad, relative_error=relative_error,
         V=gains.noise_bound, y_mid=y_mid,
         width=A.mid, S=S, S_inverse=S_inverse,
     )  # fmt: skip
@@ -112,10 +119,19 @@ def shapes(gains: IntervalGains) -> tuple[Enclosure | None, Enclosure | None]:
     return b, c
 
 
-def _known(inputs: Matrix | None, columns: Enclosure | None, middle: Matrix) -> Enclosure:
+@overload
+def rounded(X: Matrix, relative_error: float) -> Enclosure: ...
+@overload
+def rounded(X: None, relative_error: float) -> None: ...
+def rounded(X: Matrix | None, relative_error: float) -> Enclosure | None:
+    """A matrix of the plant from its stored numbers, up to their relative error."""
+    return None if X is None else Enclosure(X, relative_error * np.abs(X))
+
+
+def _known(inputs: Enclosure | None, columns: Enclosure | None, middle: Matrix) -> Enclosure:
     """Columns of known inputs and, the last one, what the middle of a disturbance adds."""
     last = exactly(middle[:, None]) if columns is None else columns @ exactly(middle[:, None])
-    return last if inputs is None else stack([[exactly(inputs), last]])
+    return last if inputs is None else stack([[inputs, last]])
 
 
 def completed(X: Enclosure, plus: Matrix, minus: Matrix, *, is_flow: bool = False) -> Matrix:

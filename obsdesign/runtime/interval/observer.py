@@ -39,6 +39,7 @@ from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import KernelParts, Result, largest
+from obsdesign.runtime.interval.parametric_kernels import kernels_of
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
@@ -121,10 +122,10 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         kernels = row.kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
         chosen = kernels[self._mode(state, y)]
         v = chosen.vector(state.box, state.y, y, row.u)
-        out = chosen.rows.dot(v)
+        out = chosen.product(v)
         contradictions = [] if y is None else chosen.implausible(out)
         result, course = chosen.result(v, out), None
-        if self.clock.period is not None:
+        if self.kernels.keeps_course:
             further, course = self._of_course(state, t, None if y is None else row.measured, off)
             if further is not None:
                 result = row.kernels.shared(result, further, row.u)
@@ -179,7 +180,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
     @cached_property
     def kernels(self) -> StepKernels:
         """Matrices of steps, made when they are first needed."""
-        return StepKernels(self.gains)
+        return kernels_of(self.gains)
 
     @cached_property
     def varying(self) -> VaryingKernels:
@@ -189,12 +190,12 @@ class IntervalObserver(BoundsObserver[IntervalState]):
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes of axes, with that of what bounds of b of a row leave to the next one."""
-        return super().sizes | {"2k": 2 * len(self.declared_bounds.b.lower)}
+        return super().sizes | {"2k": 2 * len(self.varying.bounds.b.lower)}
 
     @property
-    def declared_bounds(self) -> DeclaredBounds:
-        """Bounds of b, c and v that those of a row must not exceed."""
-        return self.varying.bounds
+    def declared_bounds(self) -> DeclaredBounds | None:
+        """Bounds of b, c and v that those of a row must not exceed; None with parameters."""
+        return None if self.gains.is_uncertain else self.varying.bounds
 
     @cached_property
     def clock(self) -> SampleClock:
@@ -223,10 +224,10 @@ def _judged(
     """
     objections, reasons = [*contradictions, *timing], contradictions
     for fault in dict.fromkeys(each.fault for each in results if each.fault is not None):
-        if fault is BoundsFault.CROSSED:
-            if reasons:  # the outputs that make the bounds cross are named already
-                continue
-            reasons = [fault]
+        if fault is BoundsFault.CROSSED and reasons:
+            continue  # the outputs that make the bounds cross are named already
+        if fault is not BoundsFault.OVERFLOWED:
+            reasons = [*reasons, fault]
         objections.append(fault)
     if refutation:
         objections.append(still_void(refutation))

@@ -70,6 +70,7 @@ class Group(NamedTuple):
             some = slice(first, min(first + _TOGETHER, plants))
             part, result = v[:, : some.stop - first], out[:, : some.stop - first]
             self._fill(part, boxes, measured, some)
+            k.fill_drives(part)
             np.matmul(k.rows, part, out=result)
             largest([result[block] for block in inner or outer], ends[:, some])
             if inner:
@@ -89,7 +90,8 @@ class Group(NamedTuple):
         v[:n2] = boxes.ends[:, some]
         v[n2 : n2 + p] = 0.0 if boxes.y is None else boxes.y[:, some]
         v[n2 + p : n2 + 2 * p] = measured[:, some]
-        v[n2 + 2 * p : middle - 1], v[middle - 1] = boxes.u[:, some], 1.0
+        known = n2 + 2 * p + len(boxes.u)
+        v[n2 + 2 * p : known], v[known : middle - 1], v[middle - 1] = boxes.u[:, some], 0.0, 1.0
         np.abs(v[:middle], out=v[middle:])
 
 

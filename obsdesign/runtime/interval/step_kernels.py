@@ -122,6 +122,11 @@ class StepKernels:
         return self.for_step(0.0, 0.0)
 
     @property
+    def keeps_course(self) -> bool:
+        """Are whole steps between samples made beside those of their rows (`course`)?"""
+        return self.is_periodic
+
+    @property
     def declared(self) -> StepKernels:
         """Kernels for the declared bounds of b, c and v."""
         return self
@@ -132,13 +137,15 @@ class StepKernels:
         return self._of_jump(self.model, jump_maps(self.model, self.gains))
 
     def _of_jump(self, model: Model, maps: dict[bool, BoxMap]) -> dict[bool, Kernel]:
-        is_after = self.gains.jump_measurement == "after"
         return {
-            corrected: self._with_cuts(
-                model, step, Cuts([maps[False]], [maps[False]] if corrected and is_after else [])
-            )
-            for corrected, step in maps.items()
+            corrected: self._with_cuts(model, *self._chosen_at_jump(corrected, maps))
+            for corrected in maps
         }
+
+    def _chosen_at_jump(self, corrected: bool, maps: Mapping[bool, BoxMap]) -> tuple[BoxMap, Cuts]:
+        """The map of a jump, with its correction or without, and what it is cut with."""
+        is_after = self.gains.jump_measurement == "after"
+        return maps[corrected], Cuts([maps[False]], [maps[False]] if corrected and is_after else [])
 
     def after_jump(self, before: Result, jump: JumpSample, course: Course | None) -> list[Result]:
         """The results after a jump and, with samples as events, after the sample just after it.
@@ -194,15 +201,19 @@ class StepKernels:
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
         """The kernel `name` of a step with these maps."""
+        return self._with_cuts(self.model, *self._chosen(name, maps))
+
+    def _chosen(self, name: str, maps: Mapping[str, BoxMap]) -> tuple[BoxMap, Cuts]:
+        """The map of the kernel `name`, and what it is cut with."""
         free = maps["none"]
         if name in ("both", "start") and self._is_known_from_strip(maps["start"], free):
             name = "end" if name == "both" else "none"
         if name in ("none", "start"):
-            return self._with_cuts(self.model, maps[name], Cuts([free]))
+            return maps[name], Cuts([free])
         started = [maps["start"]] if name == "both" else []
         ended = [maps["end"]] if name == "both" else []
         chosen = started[0] if started else maps.get(name, free)  # "end" of no step is its start
-        return self._with_cuts(self.model, chosen, Cuts([*ended, free], [*started, free]))
+        return chosen, Cuts([*ended, free], [*started, free])
 
     def _is_known_from_strip(self, start: BoxMap, free: BoxMap) -> bool:
         model = self.model

@@ -90,7 +90,7 @@ class _Together:
         for values, start in ((y0, 2 * n), (y1, 2 * n + p), (u, 2 * n + 2 * p)):
             v[:-1, start : start + values.shape[1]] = values
         np.abs(v[:, :middle], out=v[:, middle:])
-        product, maximum, absolute = kernel.rows.dot, np.maximum, np.absolute
+        product, maximum, absolute = kernel.product, np.maximum, np.absolute
         for given, result, first, second, ends, sizes, more in self._views[:count]:
             product(given, result)
             maximum(first, second, out=ends)

@@ -18,6 +18,7 @@ from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.interval.corrections import corrections
 from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
 
 
@@ -42,6 +43,7 @@ class CertainProblem:
             gains = candidate.gains
             if isinstance(gains, IntervalGains):
                 gains = IntervalGains.from_document({**gains.to_document(), **self.entries})
+                gains = replace(gains, **corrections(gains))
             yield replace(
                 candidate, gains=gains, solvers=merged(candidate.solvers, self.solvers),
                 certificates={**candidate.certificates, **self.certificates},

@@ -13,7 +13,7 @@ from obsdesign.document import Claim
 from obsdesign.entries import is_number
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.interval.gains import IntervalGains, shaped_data
+from obsdesign.equations.interval.gains import CORRECTIONS, IntervalGains, shaped_data
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
@@ -28,6 +28,9 @@ def agreed_gains(
     effects: entries of parameters, whose effects the bounds of the problem include.
     """
     expected = {**expected_gains(problem, stored), **effects}
+    shape = (len(effects.get("effects", ())), problem.plant.n, problem.plant.p)
+    # of any values: they are sound
+    expected |= {name: shape for name in CORRECTIONS if effects and name in stored}
     agreement, gains = consistent_gains(
         _reason_against(problem), stored, expected, IntervalGains.from_document
     )
