@@ -15,7 +15,7 @@ from obsdesign.runtime.state_marks import Axes
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
 
 OPEN = "unresolved"  # of a row
-CONFUSED = "an error of the state at first explains an impulse as well"  # of a row
+CONFUSED = "an error of the state at first explains an impulse as well"
 MISFIT = "does not fit one impulse in the window"
 FAINT = "hardly above the noise in the norm of the fit"
 

@@ -9,7 +9,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.runtime.base import Estimate
-from obsdesign.runtime.impulsive_input.event import MISFIT, Event
+from obsdesign.runtime.impulsive_input.event import CONFUSED, MISFIT, Event
 from obsdesign.runtime.impulsive_input.integral.evaluate import Decision, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
@@ -56,8 +56,11 @@ def with_impulse(
     restart = top + len(window.t) - 1
     residuals = live.history.residuals.joined(decision.cost, decision.freedom)
     history = replace(live.history, residuals=residuals)
+    event = decision.event
+    if event.t <= live.confused_until:
+        event = replace(event, doubts=(*event.doubts, CONFUSED))
     event = history.judged(
-        decision.event, run.gains.shortest_dwell, cost=decision.cost, freedom=decision.freedom
+        event, run.gains.shortest_dwell, cost=decision.cost, freedom=decision.freedom
     )
     history = history.after(event, float(window.t[0]), float(window.t[-1]))
     x = _corrected(run, track, slice(top, restart + 1), decision)
