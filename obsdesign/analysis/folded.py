@@ -40,12 +40,17 @@ _OF_PARAMETERS = {
 
 @dataclass(frozen=True)
 class StateBounds:
-    """lower <= x <= upper (n,) at every instant, and just before jumps; floats."""
+    """lower <= x <= upper (n,) at every instant, and just before jumps; floats.
+
+    tube (n,): of a box that was proved: it holds once |x| <= tube, just after a jump if there are
+    any. None of one that is stated.
+    """
 
     lower: Matrix
     upper: Matrix
     lower_before_jump: Matrix
     upper_before_jump: Matrix
+    tube: Matrix | None = None
 
     @staticmethod
     def stated(plant: Plant) -> StateBounds | None:
@@ -56,9 +61,9 @@ class StateBounds:
         return StateBounds(lower, upper, lower, upper)
 
     @staticmethod
-    def symmetric(always: Matrix, before_jump: Matrix) -> StateBounds:
-        """|x| <= always, |x| <= before_jump just before jumps."""
-        return StateBounds(-always, always, -before_jump, before_jump)
+    def proved(tube: Matrix, always: Matrix, before_jump: Matrix) -> StateBounds:
+        """|x| <= always, |x| <= before_jump just before jumps, once |x| <= tube."""
+        return StateBounds(-always, always, -before_jump, before_jump, tube)
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,8 @@ class Folded:
             "state_lower": self.bounds.lower,
             "state_upper": self.bounds.upper,
         }
+        if self.bounds.tube is not None:
+            entries |= {"state_tube": self.bounds.tube}
         if self.problem.plant.jump is not None:
             entries |= {
                 "jump_effect": self.jump,

@@ -1,4 +1,4 @@
-"""Bounds of b, c and v alone, of a design whose bounds include the effects of parameters."""
+"""Gains without the effects of parameters in their bounds, or without a box of x."""
 
 from __future__ import annotations
 
@@ -24,6 +24,15 @@ def without_effects(gains: IntervalGains) -> IntervalGains:
         bound = _less(gains.noise_bound, gains.output_effect)
         entries["noise_bound"] = np.maximum(bound, 0.0)
     return replace(gains, **entries)
+
+
+def without_state_bounds(gains: IntervalGains) -> IntervalGains:
+    """The gains as if nothing were known of x: parameters act on the estimate alone."""
+    return replace(
+        without_effects(gains), flow_effect=None, jump_effect=None, output_effect=None,
+        state_lower=None, state_upper=None, pre_jump_lower=None, pre_jump_upper=None,
+        state_tube=None,
+    )  # fmt: skip
 
 
 def _narrowed(gains: IntervalGains, prefix: str, block: str, effect: Array) -> NewEntries:

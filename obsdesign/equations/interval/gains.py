@@ -34,7 +34,9 @@ class IntervalGains(ShapedGains):
     each parameter adds as it goes from 0 to 1; flow_effect, jump_effect (n,), output_effect (p,):
     how much of the bounds of b, c and v they are. They hold while state_lower <= x <= state_upper,
     pre_jump_lower <= x <= pre_jump_upper just before jumps, |u| <= input_bound (m,) and
-    |w| <= jump_input_bound (l,), of those inputs that the bounds count on. flow_correction,
+    |w| <= jump_input_bound (l,), of those inputs that the bounds count on. state_tube (n,): of a
+    proved box, which holds once |x| <= state_tube, just after a jump if there are any; None of
+    one that is stated. flow_correction,
     jump_correction (q, n, p): for each effect gains on y - C m in the observer's coordinates, which
     take the measured part of A_i x and G_i x from y; None for zero. Any gains are sound.
     """
@@ -60,6 +62,7 @@ class IntervalGains(ShapedGains):
     state_upper: Array | None = matrix("n", optional=True)
     pre_jump_lower: Array | None = matrix("n", optional=True)
     pre_jump_upper: Array | None = matrix("n", optional=True)
+    state_tube: Array | None = matrix("n", optional=True)
     input_bound: Array | None = matrix("m", optional=True)
     jump_input_bound: Array | None = matrix("l", optional=True)
     flow_correction: Array | None = matrix("q", "n", "p", optional=True)

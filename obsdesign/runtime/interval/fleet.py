@@ -67,7 +67,8 @@ class Fleet:
         ]
         ends = np.array([each.box for each in own]).T.copy()
         boxes = Boxes(ends, None, np.zeros((self._reads("u"), len(own))))
-        return FleetState(times, boxes, {}, dict(enumerate(own)) if self._is_small else {})
+        single = {i: each for i, each in enumerate(own) if self._is_small or not each.is_ordinary}
+        return FleetState(times, boxes, {}, single)
 
     def reset(
         self, state: FleetState, plant: int, *, lower: ArrayLike, upper: ArrayLike

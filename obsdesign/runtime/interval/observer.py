@@ -20,6 +20,7 @@ from numpy import absolute, maximum, ndarray
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
+from obsdesign.equations.interval.certain_bounds import without_state_bounds
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import (
     MODERATE,
@@ -41,6 +42,7 @@ from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import KernelParts, Result, largest
 from obsdesign.runtime.interval.parametric_kernels import kernels_of
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
+from obsdesign.runtime.interval.state_tube import SizeStep, StateTube
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
@@ -66,7 +68,8 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
         """State at time t from bounds of x(t); ValueError unless they are finite and in order."""
-        return self.from_box(instant(t), first_box(self.kernels.model, self.n, lower, upper))
+        box = first_box(self.kernels.model, self.n, lower, upper)
+        return self.from_box(instant(t), box)._replace(largest=self._largest_at_start(lower, upper))
 
     def from_box(self, t: float, box: Matrix) -> IntervalState:
         """State at time t from a box in the observer's coordinates, before the first sample."""
@@ -79,7 +82,8 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         Inputs and the time of the last jump are kept. ValueError as for `init`.
         """
         box = first_box(self.kernels.model, self.n, lower, upper)
-        return state._replace(box=box, refutation="", course=None)
+        largest = self._largest_at_start(lower, upper)
+        return state._replace(box=box, refutation="", course=None, largest=largest)
 
     def step(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate]:
         """Move to the time of the sample, use it, and jump if it says so.
@@ -91,13 +95,15 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self.gains.p)
         off = y is not None and self.gains.is_periodic and self.clock.is_off_period(state, t)
-        if sample.bounds is None and state.bounds is None:
+        guard, late = state.guard.after(t, sample.jump)
+        if self.tube is not None and (late or state.largest is not None):
+            row = Row(self.unbounded, state.u, y, y, NO_PARTS, None)
+        elif sample.bounds is None and state.bounds is None:
             row = Row(self.kernels, state.u, y, y, NO_PARTS, None)
         else:
             row = self.varying.row(state, sample.bounds, y)
         with np.errstate(over="ignore", invalid="ignore"):
             results, contradictions, course = self._propagated(state, sample, t, row, off)
-        guard, late = state.guard.after(t, sample.jump)
         timing = self.clock.objections(state, sample, y, t)
         if late:
             timing.insert(0, late)
@@ -107,12 +113,20 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         sampled = state.sampled if y is None else t
         phase = state.phase if y is None or off else t
         last = results[-1]
-        is_usual = last.size < MODERATE and row.held is None and course is None and not refutation
+        largest = None
+        if self.tube is not None and row.kernels is self.unbounded:
+            step = SizeStep(t - state.t, max(abs(t), abs(state.t)), state.u)
+            largest = self.tube.after_row(state.largest, step, results, sample.w)
         following = IntervalState(t, last.box, u, kept, guard, True, sampled, refutation, phase,
-                                  is_usual, course, row.held)  # fmt: skip
+                                  False, course, row.held, largest)  # fmt: skip
+        following = following._replace(is_usual=last.size < MODERATE and following.is_ordinary)
         status = status_of(objections)
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, last.lower, last.upper, events=events, status=status)
+
+    def _largest_at_start(self, lower: ArrayLike, upper: ArrayLike) -> Matrix | None:
+        """Bound of |x| at the start, None where a box of the state holds already."""
+        return None if self.tube is None else self.tube.at_start(lower, upper)
 
     def _propagated(
         self, state: IntervalState, sample: Sample, t: float, row: Row, off: bool
@@ -125,7 +139,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         out = chosen.product(v)
         contradictions = [] if y is None else chosen.implausible(out)
         result, course = chosen.result(v, out), None
-        if self.kernels.keeps_course:
+        if row.kernels.keeps_course:
             further, course = self._of_course(state, t, None if y is None else row.measured, off)
             if further is not None:
                 result = row.kernels.shared(result, further, row.u)
@@ -153,7 +167,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         One output and no inputs: written out, since most of its time is spent calling.
         """
         t, y, _, _, jump, bounds, _, _, _, _ = sample
-        since, _, _, y_before, guard, _, _, _, phase, _, _, _ = state
+        since, _, _, y_before, guard, _, _, _, phase, _, _, _, _ = state
         if jump or bounds is not None or type(y) is not ndarray or y.size != 1:
             return None
         h, value, kernels, clock = t - since, y.item(), self.kernels, self.clock
@@ -181,6 +195,17 @@ class IntervalObserver(BoundsObserver[IntervalState]):
     def kernels(self) -> StepKernels:
         """Matrices of steps, made when they are first needed."""
         return kernels_of(self.gains)
+
+    @cached_property
+    def unbounded(self) -> StepKernels:
+        """Matrices of steps that do not count on a box of the state."""
+        return kernels_of(without_state_bounds(self.gains))
+
+    @cached_property
+    def tube(self) -> StateTube | None:
+        """Where the box of the state begins to hold; None unless the design has proved one."""
+        tube = self.gains.state_tube
+        return None if tube is None else StateTube(self.gains, tube)
 
     @cached_property
     def varying(self) -> VaryingKernels:
@@ -242,7 +267,7 @@ def _usual_step(
     """The product of a step and what follows; None where there is an objection."""
     (product, blank, box, y_start, y_end, known, sizes, checks, first, others, inner, uses_y,
      y_index, lows, highs, _, _) = kernel  # fmt: skip
-    _, before, u, y_before, guard, _, _, _, _, _, _, _ = state
+    _, before, u, y_before, guard, _, _, _, _, _, _, _, _ = state
     v = blank.copy()
     v[box] = before
     if uses_y:
@@ -264,5 +289,5 @@ def _usual_step(
         if True in (ends[lows] > -ends[highs]).tolist():
             return None
     return by_position(
-        IntervalState, (t, ends, u, v[y_end], guard, True, t, "", t, True, None, None)
+        IntervalState, (t, ends, u, v[y_end], guard, True, t, "", t, True, None, None, None)
     ), by_position(Estimate, (t, None, lower, upper, None, (), "ok", None, None, None))

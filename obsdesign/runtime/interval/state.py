@@ -56,7 +56,8 @@ class IntervalState(NamedTuple):
     period after another one, or began anew (periodic samples only), NaN before the first; is_usual:
     is it ordinary, and were all numbers of the last step below `MODERATE`? course: None where the
     box is just after a sample on the period or a jump (periodic samples only); bounds: those that
-    hold up to the next row, None as declared.
+    hold up to the next row, None as declared; largest: of |x|, as long as a box of the state that
+    the design has proved may not hold yet (`state_tube`), else None.
     """
 
     t: float
@@ -71,11 +72,17 @@ class IntervalState(NamedTuple):
     is_usual: bool = False
     course: Course | None = None
     bounds: HeldBounds | None = None
+    largest: UnboundedRadii | None = None
 
     @property
     def is_ordinary(self) -> bool:
         """Does the next step need the box, the inputs and the measurement alone?"""
-        return not self.refutation and self.course is None and self.bounds is None
+        return (
+            not self.refutation
+            and self.course is None
+            and self.bounds is None
+            and self.largest is None
+        )
 
 
 def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Matrix:

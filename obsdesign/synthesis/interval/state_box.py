@@ -66,7 +66,8 @@ def certain_problem(problem: Problem) -> CertainProblem:
     system, certificate = _proposed_box(plant)
     always = np.array(certificate["always"])
     before = np.array(certificate.get("before_jump", certificate["always"]))
-    certain = folded(problem, StateBounds.symmetric(always, before))
+    tube = np.array(certificate["tube"])
+    certain = folded(problem, StateBounds.proved(tube, always, before))
     return CertainProblem(
         certain.problem, certain.entries, {"state_box": certificate}, solvers_of_tube(system)
     )

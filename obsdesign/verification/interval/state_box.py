@@ -74,7 +74,8 @@ def _box(plant: Plant, proposed: Entries) -> tuple[tuple[Claim, ...], StateBound
     tube = dict(zip(names, bounds, strict=True))
     claim = Claim.from_verdict(ID, _statement(plant), _SOURCE, _verdict(plant, tube))
     before = to_float(tube.get("before_jump", tube["always"]))
-    return (claim,), StateBounds.symmetric(to_float(tube["always"]), before)
+    always = to_float(tube["always"])
+    return (claim,), StateBounds.proved(to_float(tube["tube"]), always, before)
 
 
 def _verdict(plant: Plant, tube: dict[str, Array]) -> Verdict:
@@ -121,11 +122,8 @@ def under_assumptions(
         return guarantees
     box = next((claim for claim in claims if claim.id == ID), None)
     added = () if box is None else (ID,)
-    parts = (parameter_ranges(plant), _assumed_inputs(plant), _assumed_box(plant, box))
-    text = (
-        f"Assumed: {'; '.join(part for part in parts if part)}; the effects of parameters count as "
-        "disturbance and noise."
-    )
+    parts = (parameter_ranges(plant), _assumed_inputs(plant), _assumed_box(plant))
+    text = f"Assumed: {'; '.join(part for part in parts if part)}. {_counted(box)}"
     return tuple(
         replace(
             entry,
@@ -149,18 +147,27 @@ def parameter_ranges(plant: Plant) -> str:
     )
 
 
-def _assumed_box(plant: Plant, box: Claim | None) -> str:
-    if plant.state is not None:
-        ends = (_plain(plant.state.lower), _plain(plant.state.upper))
-        return f"x from {ends[0]} to {ends[1]} at every instant, as [state] says"
-    if box is None or box.verdict != "proved":
-        return "x in a box that is not proved"
+def _assumed_box(plant: Plant) -> str:
+    """The stated box, in words."""
+    if plant.state is None:
+        return ""
+    ends = (_plain(plant.state.lower), _plain(plant.state.upper))
+    return f"x from {ends[0]} to {ends[1]} at every instant, as [state] says"
+
+
+def _counted(box: Claim | None) -> str:
+    """How the effects of parameters enter, with a proved box or a stated one."""
+    effects = "the effects of parameters count as disturbance and noise"
+    if box is None:
+        return f"{effects[0].upper()}{effects[1:]}."
+    if box.verdict != "proved":
+        return "The box of x is not proved."
     before = ""
     if "before_jump" in box.evidence:
         before = f", {shown(box.evidence['before_jump'])} just before jumps"
     return (
-        f"|x| at most {shown(box.evidence['always'])} at every instant{before}, to which |x| is "
-        "proved to come"
+        f"|x| is proved to come to at most {shown(box.evidence['always'])}{before}; from then on "
+        f"{effects}."
     )
 
 

@@ -55,7 +55,7 @@ def test_the_box_is_proved_from_the_plant_itself() -> None:
     assert verify(outcome.design).verdict == "proved"
     text = outcome.guarantees[0].statement
     assert text.startswith(
-        "Assumed: 7 parameters in their ranges; |x| at most (0.652856, 0.781052)"
+        "Assumed: 7 parameters in their ranges. |x| is proved to come to at most (0.652856, 0.781052)"
     )
     assert all("state_box" in entry.claims for entry in outcome.guarantees if entry.given)
 
@@ -219,7 +219,8 @@ def test_a_smaller_box_is_not_proved() -> None:
     claims = {claim.id: claim for claim in design.claims}
     box = {key: np.multiply(claims["state_box"].evidence[key], 0.9).tolist()
            for key in ("tube", "after_jump", "before_jump", "always")}  # fmt: skip
-    bounds = StateBounds.symmetric(np.array(box["always"]), np.array(box["before_jump"]))
+    ends = (np.array(box[key]) for key in ("tube", "always", "before_jump"))
+    bounds = StateBounds.proved(*ends)
     certain = folded(problem, bounds)
     kept = {key: design.gains[key] for key in ("L", "M", "D0", "D1", "Gp", "Gn", "form")}
     same = obsdesign.design(certain.problem).gains
