@@ -226,6 +226,17 @@ def test_a_lower_tube_of_them_is_not_proved(lasting: Outcome) -> None:
     assert claim.verdict == "undecided"
 
 
+def test_a_width_that_is_not_proved_is_a_warning() -> None:
+    """Five events leave no graph that is searched; one does, and there is no warning."""
+    body = valve(strokes=True).to_dict()
+    assert not design(Problem.from_dict(body)).warnings
+    (stroke,) = body["event"]
+    body["event"] = [{**stroke, "name": f"stroke_{k}"} for k in range(5)]
+    without = design(Problem.from_dict(body))
+    assert without.claims[-1].id == "mode_stability"
+    assert "No width of the bounds is proved" in str(without.warnings)
+
+
 def test_a_search_of_them_ends_in_its_time() -> None:
     start = time.process_time()
     outcome = investigate(Problem.from_dict(LASTING), seconds=0.3)

@@ -31,6 +31,10 @@ from obsdesign.verification.interval.mode_width import (
 from obsdesign.verification.modes import STABILITY, consistent_modes, in_all_modes
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 
+_NO_WIDTH = (
+    "No width of the bounds is proved: no tube was found on a graph of entries and events. Longer "
+    "times between events, or fewer of them, leave smaller graphs; the bounds of each row hold."
+)
 _ENCLOSURE = (
     "The bounds contain the state at every instant, if they contain it at the start, b and v stay "
     "inside their bounds and changes of mode are reported at their times; this holds for samples "
@@ -121,3 +125,10 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
             sentences.append((f"{measured}, asymptotically the width is at most {text}.", ids))
     entries = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     return (*entries, Guarantee.from_verdicts(ROUNDED_WIDTHS, enclosing, verdicts))
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """A sentence where the bounds are stable and no width of them is proved."""
+    del problem
+    verdicts = {claim.id: claim.verdict for claim in claims}
+    return () if verdicts.get(STABILITY) != "proved" or WIDTH in verdicts else (_NO_WIDTH,)
