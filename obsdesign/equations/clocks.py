@@ -122,6 +122,11 @@ def events_of(plant: Plant) -> tuple[EventGains, ...]:
     return tuple(EventGains.from_event(event) for event in plant.events)
 
 
+def sensors_of(plant: Plant) -> tuple[SensorGains, ...]:
+    """The clocks of the sensors of a plant, as a design stores them."""
+    return tuple(SensorGains.from_sensor(sensor) for sensor in plant.sensors)
+
+
 def clock_data(plant: Plant) -> NewEntries:
     """The numbers of a plant with several clocks that a design stores.
 
@@ -129,7 +134,7 @@ def clock_data(plant: Plant) -> NewEntries:
     """
     outputs = plant.outputs
     events = [event.to_document() for event in events_of(plant)]
-    sensors = [SensorGains.from_sensor(sensor).to_document() for sensor in plant.sensors]
+    sensors = [sensor.to_document() for sensor in sensors_of(plant)]
     data: NewEntries = flow_data(plant) | {"C": outputs.C, "sensors": sensors}
     data |= {"events": events} if events else {}
     data |= {"noise_bound": outputs.noise_radius, "noise_centre": outputs.noise_centre}

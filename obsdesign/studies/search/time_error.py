@@ -16,7 +16,9 @@ from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.arithmetic.exponential import expm
 from lmi.time_budget import TimeBudget
 from obsdesign import workflow
+from obsdesign.analysis.interval.uncertain_widths import reason_against_events
 from obsdesign.document import Claim, jsonable
+from obsdesign.equations.clocks import events_of, sensors_of
 from obsdesign.errors import InputError
 from obsdesign.problem.clocks import Event
 from obsdesign.problem.plant import Plant
@@ -86,16 +88,20 @@ def _event_of(problem: Problem, of: str | None, width: Sequence[float] | None) -
         raise InputError("--for largest_time_error: [[event]] is required; the plant has none.")
     if of is not None and of not in names:
         raise InputError(f"--of must be an event, one of {', '.join(names)}; got {of!r}.")
-    if len(names) > 1:
+    uncertain = problem.plant.uncertain_events
+    if of is None and len(names) > 1 and len(uncertain) != 1:
         raise InputError(
-            f"--for largest_time_error: one event is required; got {', '.join(names)}."
+            "--for largest_time_error: --of must name the event at uncertain times, one of "
+            f"{', '.join(names)}."
         )
+    name = of or (uncertain or names)[0]
+    event = events[names.index(name)]
     if width is not None and (len(width) != n or not all(x > 0 for x in width)):
         raise InputError(f"--width must be {n} positive numbers, one per state; got {width}.")
-    if events[0].dwell_time is None:
-        raise InputError(f"event.{names[0]}.every is required for --for largest_time_error.")
-    assert isinstance(events[0], Event)
-    return events[0]
+    if event.dwell_time is None:
+        raise InputError(f"event.{name}.every is required for --for largest_time_error.")
+    assert isinstance(event, Event)
+    return event
 
 
 def _with_error(problem: Problem, name: str, error: float) -> Problem:
@@ -114,12 +120,14 @@ def _attempt(
     candidate = next(candidates_of(own, budget))
     gains, verification = candidate.document(), verification_of("interval")
     claims = verification.claims(own, gains, candidate.certificates, budget=budget)
-    claim = claims[-1]
-    if claim.verdict != "proved":
-        return _Attempt(error, candidate, claims, "undecided", claim.evidence.get("reason"), None)
+    claim, reason = claims[-1], reason_against_events(events_of(own.plant), sensors_of(own.plant))
+    if reason is not None or claim.verdict != "proved":
+        reason = reason or claim.evidence.get("reason")
+        return _Attempt(error, candidate, claims, "undecided", reason, None)
     if width is None or (np.array(claim.evidence["always"]) <= width).all():
         return _Attempt(error, candidate, claims, "proved", None, None)
-    reached = _reached(own, gains)
+    # of other events the run would have to keep the clocks too
+    reached = _reached(own, gains) if len(own.plant.events) == 1 else np.zeros(own.plant.n)
     if (reached > width).any():
         witness = {"events": _EVENTS, "width": reached.tolist()}
         reason = "a run with an event every shortest time has bounds that are wider"

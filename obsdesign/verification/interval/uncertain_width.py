@@ -21,7 +21,7 @@ from obsdesign.analysis.interval.uncertain_widths_general import (
     turns,
 )
 from obsdesign.document import Claim, Guarantee
-from obsdesign.equations.clocks import SensorGains, events_of
+from obsdesign.equations.clocks import events_of, sensors_of
 from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from obsdesign.equations.plant import Jump, Plant
 from obsdesign.problem.problem import Problem
@@ -151,8 +151,7 @@ def uncertain_warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str
     """Why no width of several events is claimed, or a sentence on inputs without a bound."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     if "late_width" not in verdicts:
-        sensors = [SensorGains.from_sensor(sensor) for sensor in problem.plant.sensors]
-        reason = reason_against_events(events_of(problem.plant), sensors)
+        reason = reason_against_events(events_of(problem.plant), sensors_of(problem.plant))
         return () if reason is None else (f"No width of the bounds is guaranteed: {reason}.",)
     if verdicts["late_width"] == "proved" and _has_unit_inputs(problem.plant):
         return (_UNIT_INPUTS.format(_uncertain(problem.plant).name),)

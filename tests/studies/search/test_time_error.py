@@ -53,6 +53,21 @@ def test_half_the_shortest_time_is_the_limit() -> None:
     assert outcome.result["not_proved_verdict"] == "undecided"
 
 
+def test_exact_events_beside_keep_above_the_window() -> None:
+    """Windows of refills are shorter than the time between two top-ups, which they may hold."""
+    added = {"lower": [0.0], "upper": [0.2]}
+    top_up = {"name": "top_up", "every": [0.6, 4], "disturbance": added}
+    beside = tank(event=[top_up, *TANK["event"]])
+    outcome = search.search(beside, "largest_time_error", 0.5, of="refill")
+    assert 0.1 < outcome.result["proved"] < 0.3
+    assert outcome.claims[-1].id == "late_width"
+    # the twin: a second event at uncertain times, of which nothing is proved
+    late = tank(event=[{**top_up, "time_error": 0.1}, *TANK["event"]])
+    other = search.search(late, "largest_time_error", 0.5, of="refill")
+    assert other.result["proved"] is None
+    assert "the plant has several (top_up, refill)" in other.result["reason"]
+
+
 @pytest.mark.parametrize(
     ("changes", "arguments", "message"),
     [
