@@ -94,6 +94,12 @@ class Kernel:
             np.absolute(self.forms.dot(v[: self.middle]), v[self._drives])
 
     @property
+    def _uses_y_start(self) -> bool:
+        """Has y0 any effect on a bound, or on a form?"""
+        n2, products = 2 * self.n, [self.rows] if self.forms is None else [self.rows, self.forms]
+        return any(bool(each[:, n2 : n2 + self.p].any()) for each in products)
+
+    @property
     def _drives(self) -> slice:
         """Where v has the magnitudes of forms."""
         count = 0 if self.forms is None else len(self.forms)
@@ -130,7 +136,7 @@ class Kernel:
         return KernelParts(
             self.product, self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
             slice(middle), slice(middle, None), self.checks, first, tuple(others), tuple(inner),
-            bool(self.rows[:, n2 : n2 + p].any()), n2 + p, slice(self.n), slice(self.n, None),
+            self._uses_y_start, n2 + p, slice(self.n), slice(self.n, None),
             begins, 2.0 * begins,
         )  # fmt: skip
 

@@ -158,6 +158,19 @@ def test_a_stream_a_record_and_a_fleet_agree(is_boxed: bool) -> None:
         np.testing.assert_allclose(estimates.upper[:, 4], estimate.upper, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("L", [[[0.0], [0]], [[2.0], [-1]]])
+def test_an_ordinary_step_is_that_of_its_kernel(L: Any) -> None:
+    """Without L the first measurement of a step acts by its forms alone."""
+    observer, state = _spring(L=np.array(L)).observer(), None
+    t, y, _, _ = _record(_spring(), "bang-bang", 40)
+    for k, now in enumerate(t.tolist()):
+        state = state or observer.init(0.0, lower=[0.0, -0.5], upper=[1.0, 0.5])
+        plain = observer.step(state._replace(is_usual=False), Sample(now, y[k]))[1]
+        state, estimate = observer.step(state, Sample(now, y[k]))
+        assert np.array_equal(estimate.lower, plain.lower)
+        assert np.array_equal(estimate.upper, plain.upper)
+
+
 @pytest.mark.parametrize("start", [1.7e9, 1.7e18])
 def test_large_time_stamps(start: float) -> None:
     """Their rounding widens bounds; it does not break them."""
