@@ -122,6 +122,15 @@ def folded(problem: Problem, bounds: StateBounds) -> Folded:
     return Folded(_certain(problem, form, sizes), bounds, flow, jump_size, output, stored, inputs)
 
 
+def nominal(problem: Problem) -> tuple[Problem, NewEntries]:
+    """The problem with the nominal plant and bounds as stated, and what a design stores besides."""
+    form = NormalForm.from_plant(problem.plant)
+    n, p = problem.plant.n, problem.plant.p
+    nothing = (fractions_of(np.zeros(n)), fractions_of(np.zeros(n)), fractions_of(np.zeros(p)))
+    effects = [EffectGains.from_effect(effect).to_document() for effect in form.effects]
+    return _certain(problem, form, nothing), {"effects": effects}
+
+
 def _certain(problem: Problem, form: NormalForm, sizes: tuple[Array, Array, Array]) -> Problem:
     """The problem with nominal matrices, bounds widened by these sizes, without parameters."""
     body = problem.to_dict()

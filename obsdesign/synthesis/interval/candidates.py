@@ -63,7 +63,7 @@ def synthesize_constrained(
     constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn.
     """
     certain = certain_problem(problem)
-    return certain.completed(_candidates(certain.problem, constraints, budget))
+    return certain.completed(_candidates(certain.problem, constraints, budget), budget)
 
 
 def _candidates(

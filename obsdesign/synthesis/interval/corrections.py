@@ -16,11 +16,13 @@ from lmi.find.linear_program import minimise
 from obsdesign.equations.interval.gains import IntervalGains
 
 
-def corrections(gains: IntervalGains) -> NewEntries:
+def corrections(gains: IntervalGains, measured: str) -> NewEntries:
     """Entries of a design: flow_correction, jump_correction (q, n, p), without those of zeros."""
-    if gains.is_periodic:  # A and G alone predict there
+    if measured == "periodic":  # A and G alone predict there
         return {}
-    listed = {"flow_correction": [effect.A for effect in gains.effects]}
+    listed = {}
+    if measured == "continuous":
+        listed["flow_correction"] = [effect.A for effect in gains.effects]
     if gains.jump_measurement == "before":
         listed["jump_correction"] = [effect.G for effect in gains.effects]
     entries = {name: _of_effects(gains, effects) for name, effects in listed.items()}

@@ -10,7 +10,8 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim
 from lmi.arithmetic.balls import exact
 from lmi.solvers import Solvers, merged
-from obsdesign.analysis.folded import StateBounds, absolute_plant, folded
+from lmi.time_budget import TimeBudget
+from obsdesign.analysis.folded import StateBounds, absolute_plant, folded, nominal
 from obsdesign.analysis.interval.requirements import reason_against_parameters
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
@@ -19,6 +20,7 @@ from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.interval.corrections import corrections
+from obsdesign.synthesis.interval.sourced_width import with_sources
 from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
 
 
@@ -26,15 +28,17 @@ from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
 class CertainProblem:
     """A problem without parameters, and what its candidates have besides.
 
-    entries: of the gains; certificates: of the box; solvers: those that it took.
+    stated: the problem itself; entries: of the gains; certificates: of the box, None where the
+    state has no known bounds; solvers: those that it took.
     """
 
+    stated: Problem
     problem: Problem
     entries: Entries = field(default_factory=dict)
-    certificates: EntriesByClaim = field(default_factory=dict)
+    certificates: EntriesByClaim | None = field(default_factory=dict)
     solvers: Solvers = ()
 
-    def completed(self, candidates: Iterator[Candidate]) -> Iterator[Candidate]:
+    def completed(self, candidates: Iterator[Candidate], budget: TimeBudget) -> Iterator[Candidate]:
         """The candidates, with the parameters and the box of the state."""
         if not self.entries:
             yield from candidates
@@ -43,10 +47,13 @@ class CertainProblem:
             gains = candidate.gains
             if isinstance(gains, IntervalGains):
                 gains = IntervalGains.from_document({**gains.to_document(), **self.entries})
-                gains = replace(gains, **corrections(gains))
+                gains = replace(gains, **corrections(gains, self.problem.plant.output.measured))
+                if self.certificates is None:
+                    yield with_sources(candidate, gains, self.stated, budget)
+                    continue
             yield replace(
                 candidate, gains=gains, solvers=merged(candidate.solvers, self.solvers),
-                certificates={**candidate.certificates, **self.certificates},
+                certificates={**candidate.certificates, **(self.certificates or {})},
             )  # fmt: skip
 
 
@@ -57,20 +64,26 @@ def certain_problem(problem: Problem) -> CertainProblem:
     """
     plant = problem.plant
     if not plant.parameters:
-        return CertainProblem(problem)
+        return CertainProblem(problem, problem)
     if reason := reason_against_parameters(problem):
         raise InputError(reason)
     if (stated := StateBounds.stated(plant)) is not None:
         certain = folded(problem, stated)
-        return CertainProblem(certain.problem, certain.entries)
-    system, certificate = _proposed_box(plant)
+        return CertainProblem(problem, certain.problem, certain.entries)
+    try:
+        system, certificate = _proposed_box(plant)
+    except DoesNotApply:
+        if plant.output.measured == "periodic":
+            raise
+        return CertainProblem(problem, *nominal(problem), certificates=None)
     always = np.array(certificate["always"])
     before = np.array(certificate.get("before_jump", certificate["always"]))
     tube = np.array(certificate["tube"])
     certain = folded(problem, StateBounds.proved(tube, always, before))
     return CertainProblem(
-        certain.problem, certain.entries, {"state_box": certificate}, solvers_of_tube(system)
-    )
+        problem, certain.problem, certain.entries, {"state_box": certificate},
+        solvers_of_tube(system),
+    )  # fmt: skip
 
 
 def _proposed_box(plant: Plant) -> tuple[WidthSystem, Entries]:

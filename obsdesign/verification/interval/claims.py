@@ -35,6 +35,7 @@ from obsdesign.verification.interval.signs import (
     nonnegative_claim,
     split_claim,
 )
+from obsdesign.verification.interval.sourced_width import sourced_claims
 from obsdesign.verification.interval.state_box import certain_plant
 from obsdesign.verification.interval.uncertain_width import uncertain_claims
 from obsdesign.verification.interval.width import limit_claim, width_claim
@@ -76,12 +77,15 @@ def claims(
     certain = certain_plant(problem, certificates)
     if certain.failed:
         return certain.failed
-    problem = certain.problem
+    uncertain, problem = problem, certain.problem
     agreement, gains = agreed_gains(problem, stored, certain.entries)
     if gains is None or agreement.verdict != "proved":
         return (agreement,)
     source = f"{PAPER}, {THEOREMS[gains.form]}"
     hypotheses = (agreement, *certain.claims, *_hypotheses(problem, gains, source))
+    if not certain.is_bounded:
+        sourced = sourced_claims(uncertain, gains, certificates, paranoid)
+        return with_hints(problem, (*hypotheses, *sourced))
     system = WidthSystem.from_gains(gains, exact, inverse)
     if gains.is_periodic:
         proposed = certificates.get("sampled_stability", {})

@@ -13,7 +13,8 @@ from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.discrete_time import step_warnings
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.several_clocks import clocked_guarantees
-from obsdesign.verification.interval.state_box import under_assumptions
+from obsdesign.verification.interval.sourced_width import sourced_sentences
+from obsdesign.verification.interval.state_box import is_bounded, under_assumptions
 from obsdesign.verification.interval.uncertain_width import uncertain_guarantees, uncertain_warnings
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
@@ -48,6 +49,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     sentences = [
         (enclosure, enclosing),
         (_bounded_width(problem, claims, measured), enclosing + bounded),
+        *((text, [*enclosing, *ids]) for text, ids in sourced_sentences(claims, measured)),
         *((f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the width")),
     ]
     sampled = sampled_sentences(claims, skips)
@@ -101,6 +103,11 @@ def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -
     if problem.plant.jump is not None:
         when = f" for every sequence of dwell times in {_dwell_range(problem, claims)}"
         jumps = " as jumps go on"
+    if not is_bounded(problem.plant, claims):
+        return (
+            f"{measured}, the width of the bounds stays bounded{when} as long as y, u and w do, "
+            "whether the state is bounded or not."
+        )
     return (
         f"{measured}, the width of the bounds stays bounded{when}, and without disturbance and "
         f"noise it tends to zero{jumps}."

@@ -12,7 +12,7 @@ from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim
 from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.tube import Tube, prove_tube
 from lmi.verdict import Verdict, proved, undecided
-from obsdesign.analysis.folded import Folded, StateBounds, absolute_plant, folded
+from obsdesign.analysis.folded import Folded, StateBounds, absolute_plant, folded, nominal
 from obsdesign.analysis.interval.requirements import reason_against_parameters
 from obsdesign.document import Claim, Guarantee
 from obsdesign.errors import DoesNotApply
@@ -34,13 +34,15 @@ class CertainPlant:
     """What claims of a plant are about.
 
     problem: without parameters; entries: what a design stores of them; claims: on the box; failed:
-    the claims where there is no such problem, else empty.
+    the claims where there is no such problem, else empty; is_bounded: do its bounds include the
+    effects of parameters?
     """
 
     problem: Problem
     entries: Entries
     claims: tuple[Claim, ...] = ()
     failed: tuple[Claim, ...] = ()
+    is_bounded: bool = True
 
 
 def certain_plant(problem: Problem, certificates: EntriesByClaim) -> CertainPlant:
@@ -54,6 +56,8 @@ def certain_plant(problem: Problem, certificates: EntriesByClaim) -> CertainPlan
         return CertainPlant(problem, {}, failed=(inconsistent(reason),))
     try:
         claims, bounds = _box(problem.plant, certificates.get(ID, {}))
+        if bounds is None and problem.plant.output.measured != "periodic":
+            return CertainPlant(*nominal(problem), is_bounded=False)
         if bounds is None:
             reason = "[state] is missing, and the design holds no box that could be proved"
             return CertainPlant(problem, {}, failed=(inconsistent(reason),))
@@ -122,8 +126,11 @@ def under_assumptions(
         return guarantees
     box = next((claim for claim in claims if claim.id == ID), None)
     added = () if box is None else (ID,)
-    parts = (parameter_ranges(plant), _assumed_inputs(plant), _assumed_box(plant))
-    text = f"Assumed: {'; '.join(part for part in parts if part)}. {_counted(box)}"
+    parts, counted = [parameter_ranges(plant)], ""
+    if is_bounded(plant, claims):
+        parts += [_assumed_inputs(plant), _assumed_box(plant)]
+        counted = f" {_counted(box)}"
+    text = f"Assumed: {'; '.join(part for part in parts if part)}.{counted}"
     return tuple(
         replace(
             entry,
@@ -133,6 +140,11 @@ def under_assumptions(
         )
         for entry in guarantees
     )
+
+
+def is_bounded(plant: Plant, claims: Sequence[Claim]) -> bool:
+    """Do the bounds of a design include the effects of parameters, in a box of the state?"""
+    return not plant.parameters or plant.state is not None or any(c.id == ID for c in claims)
 
 
 def parameter_ranges(plant: Plant) -> str:

@@ -60,12 +60,13 @@ def test_the_box_is_proved_from_the_plant_itself() -> None:
     assert all("state_box" in entry.claims for entry in outcome.guarantees if entry.given)
 
 
-def test_a_plant_that_may_grow_needs_a_stated_box() -> None:
+def test_a_plant_that_may_grow_has_no_proved_box() -> None:
     """Exactly from 1.27730 on |x| stays bounded by itself."""
     shortest = 1.2774
     assert "state_box" in _claims(investigate(Problem.from_dict(degue(0.05, (shortest,) * 2))))
-    with pytest.raises(DoesNotApply, match=r"\[state\], bounds of x, is required by kind"):
-        investigate(Problem.from_dict(degue(0.05, (1.2772, 1.2772))))
+    below = _claims(investigate(Problem.from_dict(degue(0.05, (1.2772, 1.2772)))))
+    assert "state_box" not in below
+    assert "source_width" in below
     boxed = degue(0.05, (1.2772, 1.2772)) | {"state": {"lower": [-3, -3], "upper": [3, 3]}}
     assert "state_box" not in _claims(investigate(Problem.from_dict(boxed)))
 
