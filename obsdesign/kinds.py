@@ -100,13 +100,15 @@ TAKING_DISCRETE_TIME = (
 # kinds that take events whose time stamps have an error
 TAKING_TIME_ERRORS = ("interval",)
 # kinds that take parameters known up to a range
-TAKING_PARAMETERS = ("interval",)
+TAKING_PARAMETERS = ("interval", "luenberger")
 
-# what `search` knows: ends of a range of dwell times, of finite_time, errors of time stamps
+# what `search` knows: ends of a range of dwell times, of finite_time, errors of time stamps,
+# ranges of parameters
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")
 PERIOD_SEARCHES = ("longest_period", "shortest_window")
 LARGEST_TIME_ERROR = "largest_time_error"
-SEARCHES = (*DWELL_SEARCHES, *PERIOD_SEARCHES, LARGEST_TIME_ERROR)
+LARGEST_UNCERTAINTY = "largest_uncertainty"
+SEARCHES = (*DWELL_SEARCHES, *PERIOD_SEARCHES, LARGEST_TIME_ERROR, LARGEST_UNCERTAINTY)
 
 
 def kind_named(name: str) -> Kind:

@@ -50,7 +50,13 @@ def decide_uncertain(
     if attempt.outcome != "undecided":
         return attempt
     growth = {k: counter.evidence[k] for k in ("stays", "growth_per_jump") if k in counter.evidence}
-    return replace(attempt, evidence={**attempt.evidence, **growth})
+    reason = "no matrix of the time since a jump fits the corners, which is not instability"
+    if "growth_per_jump" in growth:
+        reason += (
+            f"; parameters that switch grow by {growth['growth_per_jump']:.6g} per jump at most"
+        )
+        reason += ", as far as they were searched"
+    return replace(attempt, evidence={**attempt.evidence, "reason": reason, **growth})
 
 
 def find_uncertain(

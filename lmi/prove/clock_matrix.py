@@ -107,7 +107,7 @@ def read_clock_matrix(certificate: Entries, n: int) -> ClockMatrix | None:
     try:
         nodes = np.asarray(certificate["nodes"], dtype=np.float64)
         R = np.asarray(certificate["R"], dtype=np.float64)
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, OverflowError, TypeError, ValueError):
         return None
     if nodes.ndim != 1 or R.ndim != 3 or R.shape[1:] != (n, n) or not len(nodes) or not len(R):
         return None

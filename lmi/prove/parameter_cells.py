@@ -9,13 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lmi.arithmetic.arrays import Entries, Value
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from lmi.parameters import AffineFamily
 from lmi.prove.clock_matrix import prove_clock_matrix
 from lmi.verdict import Verdict, proved, undecided
 
-# halves of halves: a cell is no smaller than this power of 1/2 of the box
-DEEPEST = 64
+# entries of a certificate: of a cell, or of one that is cut
+_ENTRIES = ("nodes", "R", "parameter", "halves")
+# halves of halves: a cell is no smaller than this power of 1/2 of the box, and files that hold a
+# tree are not nested deeper than they may be
+DEEPEST = 16
+
+
+def certificate_of(evidence: Entries) -> NewEntries:
+    """The certificate in the evidence of a search that proved, {"certificate": tree}."""
+    return {"certificate": {key: evidence[key] for key in _ENTRIES if key in evidence}}
 
 
 def prove_cells(family: AffineFamily, low: float, high: float, certificate: Entries) -> Verdict:

@@ -88,19 +88,35 @@ def refute_parameters(
     if inside is False:
         radius = max(radius, 1.0)
         reason = (
-            f"parameters that switch as listed, in turn with dwell times {_dwell_times(word)}, "
+            f"parameters that switch like that, {_when(word)}, "
             f"give a product of maps with spectral radius {radius:.9g} >= 1"
         )
         return refuted({**evidence, "spectral_radius": radius, "method": method, "reason": reason})
     return undecided("this word of parameters is not proved to grow", **evidence)
 
 
+def refute_witness(family: AffineFamily, low: float, high: float, witness: Entries) -> Verdict:
+    """Refuted where a stored witness, of constant parameters or of stays, is one; see above."""
+    try:
+        if "stays" in witness:
+            return refute_parameters(family, low, high, read_stays(witness["stays"]))
+        thetas = witness.get("thetas", [witness["theta"]] if "theta" in witness else [])
+        p, times = tuple(map(float, witness["p"])), [float(theta) for theta in thetas]
+        if len(p) != family.count:
+            return undecided("these parameters are not in the box")
+        return refute_constant_parameters(family, p, low, high, times)
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
+        return undecided("the witness holds no parameters and dwell times")
+
+
 def read_stays(entries: Sequence[Entries]) -> tuple[Stay, ...]:
     """The word of a witness: the inverse of `Stay.entry`."""
     return tuple(
         Stay(
-            None if entry["jump"] is None else tuple(entry["jump"]),
-            tuple((tuple(piece["p"]), piece["duration"]) for piece in entry["flow"]),
+            None if entry["jump"] is None else tuple(map(float, entry["jump"])),
+            tuple(
+                (tuple(map(float, piece["p"])), float(piece["duration"])) for piece in entry["flow"]
+            ),
         )
         for entry in entries
     )
@@ -140,8 +156,7 @@ def _at(verdict: Verdict, p: Point) -> Verdict:
     """The verdict on a family at this p."""
     if verdict.outcome != "refuted":
         return verdict
-    reason = f"for the constant parameters p = {list(p)}: {verdict.reason}"
-    return refuted({**verdict.witness, "p": list(p), "reason": reason})
+    return refuted({**verdict.witness, "p": list(p)})
 
 
 def _factors(family: AffineFamily, word: Sequence[Stay]) -> Iterator[tuple[Exact, float | None]]:
@@ -173,5 +188,8 @@ def _reason_against(
     return None
 
 
-def _dwell_times(word: Sequence[Stay]) -> str:
-    return ", ".join(f"{sum(duration for _, duration in stay.flow):.9g}" for stay in word)
+def _when(word: Sequence[Stay]) -> str:
+    if word[0].jump is None:
+        return "without jumps"
+    thetas = [sum(duration for _, duration in stay.flow) for stay in word]
+    return "in turn with dwell times " + ", ".join(f"{theta:.9g}" for theta in thetas)

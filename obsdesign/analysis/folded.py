@@ -14,6 +14,7 @@ from fractions import Fraction
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix, NewEntries, Value
+from obsdesign.analysis.nominal import nominal_body
 from obsdesign.document import jsonable
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.plant import Plant as PlantNumbers
@@ -23,19 +24,11 @@ from obsdesign.equations.uncertain import (
     NormalForm,
     effect_sizes,
     fractions_of,
-    rounded,
     rounded_up,
 )
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
-
-# entries of blocks that are about parameters alone
-_OF_PARAMETERS = {
-    "flow": ("A_radius", "input_bound"),
-    "jump": ("G_radius", "input_bound"),
-    "output": ("C_radius",),
-}
 
 
 @dataclass(frozen=True)
@@ -133,13 +126,7 @@ def nominal(problem: Problem) -> tuple[Problem, NewEntries]:
 
 def _certain(problem: Problem, form: NormalForm, sizes: tuple[Array, Array, Array]) -> Problem:
     """The problem with nominal matrices, bounds widened by these sizes, without parameters."""
-    body = problem.to_dict()
-    for block, keys in _OF_PARAMETERS.items():
-        body[block] = {key: v for key, v in body.get(block, {}).items() if key not in keys}
-    body = {key: own for key, own in body.items() if own and key not in ("parameter", "state")}
-    for block, key in (("flow", "A"), ("flow", "B"), ("jump", "G"), ("jump", "E"), ("output", "C")):
-        if (values := getattr(form, key)) is not None:
-            body[block][key] = rounded(values).tolist()
+    body = nominal_body(problem, form)
     _widen(body["flow"], sizes[0])
     if "jump" in body:
         _widen(body["jump"], sizes[1])

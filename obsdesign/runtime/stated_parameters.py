@@ -27,15 +27,17 @@ def has_parameters(problem: Entries) -> bool:
     return has_radii or bool(problem.get("parameter"))
 
 
-def nominal_blocks(problem: Entries, gains: Entries) -> Entries:
-    """The blocks of a problem with nominal matrices.
+def nominal_blocks(problem: Entries) -> Entries:
+    """The blocks of a problem with nominal matrices; ValueError where parameters are none."""
+    return _read(problem)[0]
 
-    ValueError where parameters are none, or the gains hold other effects or a smaller noise bound.
+
+def widened_blocks(problem: Entries, gains: Entries) -> Entries:
+    """The same for gains whose bounds include the effects of parameters.
+
+    ValueError also where the gains hold other effects or a smaller noise bound.
     """
-    try:
-        blocks, effects = _nominal(problem)
-    except (TypeError, KeyError, AttributeError, OverflowError) as error:
-        raise ValueError(f"problem.parameter cannot be read: {error}") from None
+    blocks, effects = _read(problem)
     if not same(jsonable(gains.get("effects")), jsonable(effects)):
         raise ValueError("effects differ from problem.parameter; `obsdesign verify` refutes them")
     stated = noise_box(blocks["output"]["noise_bound"])[1]
@@ -43,6 +45,14 @@ def nominal_blocks(problem: Entries, gains: Entries) -> Entries:
     if kept.shape != stated.shape or not (kept >= stated).all():
         raise ValueError("noise_bound is below that of the problem; `obsdesign verify` refutes it")
     return blocks
+
+
+def _read(problem: Entries) -> tuple[NewEntries, list[NewEntries]]:
+    """(blocks, effects); ValueError where parameters are none."""
+    try:
+        return _nominal(problem)
+    except (TypeError, KeyError, AttributeError, OverflowError) as error:
+        raise ValueError(f"problem.parameter cannot be read: {error}") from None
 
 
 def _nominal(problem: Entries) -> tuple[NewEntries, list[NewEntries]]:

@@ -9,7 +9,13 @@ from obsdesign.document import Design, jsonable, same
 from obsdesign.entries import is_number
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError, naming
-from obsdesign.runtime.stated_parameters import WIDENED, has_parameters, nominal_blocks
+from obsdesign.kinds import GIVING_BOUNDS
+from obsdesign.runtime.stated_parameters import (
+    WIDENED,
+    has_parameters,
+    nominal_blocks,
+    widened_blocks,
+)
 
 # gains that repeat an entry of the problem, and where it stands there
 _REPEATED: tuple[tuple[str, str, str], ...] = (
@@ -38,8 +44,11 @@ def refuse_other_plant(design: Design) -> None:
     blocks, compared = plain_blocks(design.problem), _REPEATED
     if has_parameters(design.problem):
         with naming("gains", ValueError):
-            blocks = nominal_blocks(design.problem, design.gains)
-        compared = tuple(row for row in _REPEATED if row[0] not in WIDENED)
+            if design.kind in GIVING_BOUNDS:
+                blocks = widened_blocks(design.problem, design.gains)
+                compared = tuple(row for row in _REPEATED if row[0] not in WIDENED)
+            else:
+                blocks = nominal_blocks(design.problem)
     flow = blocks.get("flow")
     if "sensors" in design.gains:  # which have `sees` of their own
         _same_sees(design)

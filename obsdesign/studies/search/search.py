@@ -19,6 +19,7 @@ from obsdesign.errors import InputError
 from obsdesign.kinds import (
     DWELL_SEARCHES,
     LARGEST_TIME_ERROR,
+    LARGEST_UNCERTAINTY,
     PERIOD_SEARCHES,
     SEARCHES,
     TAKING_TIME_ERRORS,
@@ -29,6 +30,7 @@ from obsdesign.studies.search.period import search_period
 from obsdesign.studies.search.result import SearchResult
 from obsdesign.studies.search.stays import search_stays
 from obsdesign.studies.search.time_error import search_time_error
+from obsdesign.studies.search.uncertainty import require_parameters, search_uncertainty
 
 
 def search(
@@ -82,6 +84,8 @@ def _searched(
     problem: Problem, what: str, of: str | None, accuracy: float, budget: TimeBudget
 ) -> workflow.Outcome:
     """One attempt with this budget."""
+    if what == LARGEST_UNCERTAINTY:
+        return search_uncertainty(problem, accuracy, budget)
     if what in PERIOD_SEARCHES:
         return search_period(problem, what, budget)
     direction: Direction = "shortest" if what == "shortest_dwell" else "longest"
@@ -109,6 +113,14 @@ def require_search(
     require_served(problem.plant, kind)
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
+    if what == LARGEST_UNCERTAINTY:
+        require_parameters(problem)
+        require_accuracy(accuracy)
+        return
+    if problem.plant.parameters and kind == "luenberger":
+        raise InputError(
+            f"--for {what} is not available for kind 'luenberger' with parameters in this version."
+        )
     if problem.plant.parameters and problem.plant.state is None:
         raise InputError(
             f"--for {what} requires [state] with parameters, since a box that is proved from the "

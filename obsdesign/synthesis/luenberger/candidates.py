@@ -20,6 +20,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.decide.stability import decide
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
+from obsdesign.analysis.nominal import nominal_problem, reason_against_rate
 from obsdesign.analysis.riccati import FASTER, faster_rates
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
@@ -45,6 +46,7 @@ from obsdesign.synthesis.luenberger.constrained_flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.discrete_time import step_candidates
 from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
+from obsdesign.synthesis.luenberger.uncertain import with_robust_stability
 from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
 from obsdesign.synthesis.time_scale import pace_without_cycles
 
@@ -66,6 +68,12 @@ def synthesize_constrained(
         if constraints is not None:
             raise InputError("constraints on open gains are not available with flow.dt.")
         yield from step_candidates(problem, budget)
+        return
+    if problem.plant.parameters:
+        if reason := reason_against_rate(problem):
+            raise InputError(reason)
+        own = synthesize_constrained(nominal_problem(problem), constraints, budget)
+        yield from with_robust_stability(problem, own, budget)
         return
     refuse_unusable(problem)
     check_schedule(problem)

@@ -21,12 +21,11 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import inconsistent
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.interval.width import shown, vectors
+from obsdesign.verification.parameter_ranges import parameter_ranges
 
 ID = "state_box"
 _NAMES = ("tube", "after_jump", "before_jump", "always")
 _SOURCE = "comparison with the positive system of |x|; tube"
-# parameters that a sentence names
-_MOST_NAMES = 3
 
 
 @dataclass(frozen=True)
@@ -145,18 +144,6 @@ def under_assumptions(
 def is_bounded(plant: Plant, claims: Sequence[Claim]) -> bool:
     """Do the bounds of a design include the effects of parameters, in a box of the state?"""
     return not plant.parameters or plant.state is not None or any(c.id == ID for c in claims)
-
-
-def parameter_ranges(plant: Plant) -> str:
-    """The parameters with their ranges, or how many they are, in words."""
-    parameters = plant.parameters
-    if len(parameters) > _MOST_NAMES:
-        return f"{len(parameters)} parameters in their ranges"
-    return ", ".join(
-        f"{each.name} {'constant ' if each.constant else ''}in "
-        f"[{each.range[0]:g}, {each.range[1]:g}]"
-        for each in parameters
-    )
 
 
 def _assumed_box(plant: Plant) -> str:

@@ -17,6 +17,7 @@ from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import overall
+from obsdesign.analysis.nominal import nominal_problem, reason_against_rate
 from obsdesign.analysis.riccati import faster_rates, riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import idle_gains
@@ -27,7 +28,7 @@ from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.choices import mark_witness
-from obsdesign.verification.consistency import consistent_gains
+from obsdesign.verification.consistency import consistent_gains, inconsistent
 from obsdesign.verification.dwell import Dwell, dwell_stability, reason_against_problem, source_of
 from obsdesign.verification.gain_constraints import (
     IDS,
@@ -37,6 +38,8 @@ from obsdesign.verification.gain_constraints import (
     witness_within_structure,
 )
 from obsdesign.verification.luenberger.discrete_time import step_claims
+from obsdesign.verification.luenberger.robust_stability import ID as ROBUST
+from obsdesign.verification.luenberger.robust_stability import with_robust_claim
 from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
 from obsdesign.verification.rates import rates_claim
 
@@ -54,11 +57,24 @@ def claims(
     """All hypotheses of the design, each with its verdict.
 
     stored: gains as a design file states them; certificates: {"dwell_stability": {"P": n x n},
-    "decay_rate": {"P": n x n}} or windows in place of P; all are checked.
+    "decay_rate": {"P": n x n}} or windows in place of P, and {"robust_stability": ...} with
+    parameters; all are checked.
     """
     del budget  # proofs end by their number of boxes
     if problem.plant.flow.dt is not None:
         return step_claims(problem, stored, certificates, paranoid)
+    if not problem.plant.parameters:
+        return _claims(problem, stored, certificates, paranoid)
+    if reason := reason_against_rate(problem):
+        return (inconsistent(reason),)
+    nominal = _claims(nominal_problem(problem), stored, certificates, paranoid)
+    return with_robust_claim(problem, nominal, certificates.get(ROBUST, {}))
+
+
+def _claims(
+    problem: Problem, stored: Entries, certificates: EntriesByClaim, paranoid: bool
+) -> tuple[Claim, ...]:
+    """Claims about a plant without parameters."""
     objection = reason_against_problem(problem) or reason_against_borders(problem, stored)
     agreement, gains = consistent_gains(
         objection, stored, _expected(problem), LuenbergerGains.from_document

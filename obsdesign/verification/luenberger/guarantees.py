@@ -10,6 +10,7 @@ from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import IDS, constraint_sentences
 from obsdesign.verification.luenberger.discrete_time import step_guarantees
+from obsdesign.verification.luenberger.robust_stability import robust_guarantees
 from obsdesign.verification.rates import rates_sentence
 
 
@@ -26,10 +27,10 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     at_jumps = plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
     free = absent_signals(plant)
-    sentences = [
+    sentences = robust_guarantees(problem, needed, when) if plant.parameters else [
         (f"{measured} and without {free}, the estimation error tends to zero{when}.", needed),
         (f"{measured}, bounded {free} leave the estimation error bounded{when}.", needed),
-    ]
+    ]  # fmt: skip
     if "decay_rate" in verdicts:
         rate = problem.options_as(LuenbergerOptions).decay_rate
         sentences.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))

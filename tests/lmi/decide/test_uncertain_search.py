@@ -7,16 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from lmi.arithmetic.arrays import Entries
 from lmi.decide.dwell_search import Bracket
 from lmi.decide.uncertain_search import Searched, UncertainProblem, uncertain_bracket
 from lmi.parameters import AffineFamily
 from lmi.prove.parameter_cells import prove_cells
-from lmi.refute.parameter_words import (
-    read_stays,
-    refute_constant_parameters,
-    refute_parameters,
-)
+from lmi.refute.parameter_words import refute_witness
 from lmi.time_budget import TimeBudget
 from lmi.verdict import Verdict
 from tests.lmi.parameter_examples import growing_or_reset, oscillator
@@ -27,12 +22,7 @@ ACCURACY = 1e-3
 def refuted_again(problem: UncertainProblem, bracket: Bracket) -> Verdict:
     """The witness of a bracket, checked against the problem at its end."""
     assert bracket.not_proved is not None
-    family, low, high = problem.at(bracket.not_proved)
-    witness: Entries = bracket.obstacle["witness"]
-    if "stays" in witness:
-        return refute_parameters(family, low, high, read_stays(witness["stays"]))
-    thetas = witness.get("thetas", [witness["theta"]])
-    return refute_constant_parameters(family, tuple(witness["p"]), low, high, thetas)
+    return refute_witness(*problem.at(bracket.not_proved), bracket.obstacle["witness"])
 
 
 def checked(problem: UncertainProblem) -> Bracket:

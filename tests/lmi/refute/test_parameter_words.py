@@ -17,6 +17,7 @@ from lmi.refute.parameter_words import (
     read_stays,
     refute_constant_parameters,
     refute_parameters,
+    refute_witness,
 )
 from tests.lmi.parameter_examples import oscillator, sampled, table_5
 
@@ -159,3 +160,26 @@ def test_sums_of_durations_are_dwell_times_exactly() -> None:
     worst = worst_switching(family, 0.001, 1.5713)
     assert worst is not None
     assert refute_parameters(family, 0.001, 1.5713, worst.word).outcome == "refuted"
+
+
+def test_stored_witnesses_are_checked(word: tuple[Stay, ...]) -> None:
+    stored = refute_parameters(FAMILY, 1.0, 3.0, word).witness
+    assert refute_witness(FAMILY, 1.0, 3.0, stored).outcome == "refuted"
+    # the twin: at the other end of the range every stiffness decays
+    assert refute_witness(oscillator(0.1), 1.0, 3.0, stored).outcome == "undecided"
+    family, longest = table_5(0, gain=1.0)
+    constant = {"p": [1.0], "theta": longest}
+    assert refute_witness(family, 0.001, longest, constant).outcome == "refuted"
+
+
+@pytest.mark.parametrize(
+    "witness",
+    [
+        {}, {"p": [1.0, 0.0], "theta": 1.0}, {"p": None}, {"p": ["a"], "theta": 1.0},
+        {"p": [math.nan], "theta": 1.0}, {"p": [0.0], "theta": "a"}, {"stays": None},
+        {"stays": [{}]}, {"stays": [{"jump": [0.0], "flow": [{"p": [0.0]}]}]}, {"stays": [[1.0]]},
+        {"stays": [{"jump": [0.0], "flow": [{"p": [0.0], "duration": math.nan}]}]},
+    ],
+)  # fmt: skip
+def test_what_is_no_witness_refutes_nothing(witness: dict[str, object]) -> None:
+    assert refute_witness(FAMILY, 1.0, 3.0, witness).outcome == "undecided"

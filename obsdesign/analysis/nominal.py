@@ -1,0 +1,77 @@
+"""The nominal plant of one with parameters, and the family of its stability by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmi.arithmetic.arrays import NewEntries
+from lmi.arithmetic.balls import exact
+from lmi.parameters import MOST_PARAMETERS, AffineFamily
+from obsdesign.document import jsonable
+from obsdesign.equations.uncertain import NormalForm, rounded
+from obsdesign.errors import InputError
+from obsdesign.problem.options import LuenbergerOptions
+from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import Problem
+
+# entries of blocks that are about parameters alone
+_OF_PARAMETERS = {
+    "flow": ("A_radius", "input_bound"),
+    "jump": ("G_radius", "input_bound"),
+    "output": ("C_radius",),
+}
+
+
+def nominal_body(problem: Problem, form: NormalForm) -> NewEntries:
+    """The problem file with nominal matrices, every parameter in the middle of its range."""
+    body = problem.to_dict()
+    for block, keys in _OF_PARAMETERS.items():
+        body[block] = {key: v for key, v in body.get(block, {}).items() if key not in keys}
+    body = {key: own for key, own in body.items() if own and key not in ("parameter", "state")}
+    for block, key in (("flow", "A"), ("flow", "B"), ("jump", "G"), ("jump", "E"), ("output", "C")):
+        if (values := getattr(form, key)) is not None:
+            body[block][key] = rounded(values).tolist()
+    return body
+
+
+def nominal_problem(problem: Problem) -> Problem:
+    """The same problem for the nominal plant, rounded to binary64 numbers."""
+    body = nominal_body(problem, NormalForm.from_plant(problem.plant))
+    return Problem.from_dict(jsonable(body))
+
+
+def stability_family(plant: Plant) -> AffineFamily:
+    """x' = A(p) x, x+ = G(p) x, exact; without jumps G = 0, which leaves the flow to decide.
+
+    InputError where more parameters act on A, or on G, than have corners that can be listed.
+    """
+    form = NormalForm.from_plant(plant, exact)
+    none = exact(np.zeros((plant.n, plant.n)))
+    flows = [form.A] + [none if each.A is None else each.A for each in form.effects]
+    jumps = [none if form.G is None else form.G]
+    jumps += [none if each.G is None else each.G for each in form.effects]
+    constant = tuple(each.constant for each in form.effects)
+    family = AffineFamily(np.array(flows), np.array(jumps), constant)
+    try:
+        family.flow_vertices(), family.jump_vertices()
+    except ValueError:
+        raise InputError(
+            f"parameter: at most {MOST_PARAMETERS} may act on flow.A, and on jump.G, where "
+            f"stability is to be proved; the plant has {len(plant.parameters)}."
+        ) from None
+    return family
+
+
+def stability_dwell(problem: Problem) -> tuple[float, float]:
+    """The dwell times of that family: without jumps a flow that lasts."""
+    return (0.0, np.inf) if problem.plant.jump is None else problem.require_dwell_time()
+
+
+def reason_against_rate(problem: Problem) -> str | None:
+    """Reason against a decay rate of a point observer with parameters, or None."""
+    if problem.options_as(LuenbergerOptions).decay_rate > 0:
+        return (
+            "observer.decay_rate is not available with parameters: the error decays no faster than "
+            "what the state adds to it."
+        )
+    return None
