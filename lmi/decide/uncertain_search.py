@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from lmi.arithmetic.arrays import Entries
 from lmi.decide.dwell_search import Bracket
 from lmi.decide.uncertain_stability import (
     find_uncertain,
@@ -19,8 +20,9 @@ from lmi.decide.uncertain_stability import (
 )
 from lmi.find.bang_bang import followed
 from lmi.find.clock_matrix import SEGMENTS, find_clock_matrix
+from lmi.find.worst_parameters import worst_dwell_time
 from lmi.parameters import AffineFamily
-from lmi.refute.parameter_words import read_stays, refute_parameters
+from lmi.refute.parameter_words import read_stays, refute_constant_parameters, refute_parameters
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, undecided
 
@@ -235,17 +237,26 @@ class _Search:
         problem, easy = self.problem, good
         while not problem.is_narrow(easy, bad, problem.accuracy / 4):
             middle = (easy + bad) / 2
-            family, low, high = problem.at(middle)
-            if "stays" in counter.witness:
-                word = followed(family, low, high, read_stays(counter.witness["stays"])).word
-                attempt = refute_parameters(family, low, high, word)
-            else:
-                attempt = refuted_by_constants(family, low, high, budget=problem.budget)
+            attempt = self._nearby(counter.witness, *problem.at(middle))
             if attempt.outcome == "refuted":
                 bad, counter = middle, attempt
             else:
                 easy = middle
         return bad, counter
+
+    def _nearby(self, witness: Entries, family: AffineFamily, low: float, high: float) -> Verdict:
+        """The parameters of a witness with other dwell times, for a family that is nearly its own.
+
+        Constant ones with the worst dwell time alone; a sequence of them is looked for anew.
+        """
+        if "stays" in witness:
+            word = followed(family, low, high, read_stays(witness["stays"])).word
+            return refute_parameters(family, low, high, word)
+        if "theta" not in witness:
+            return refuted_by_constants(family, low, high, budget=self.problem.budget)
+        worst = worst_dwell_time(family, tuple(witness["p"]), low, high)
+        thetas = () if worst.theta is None else (worst.theta,)
+        return refute_constant_parameters(family, worst.p, low, high, thetas)
 
     def _counter(self, x: float) -> Verdict:
         """Refuted by any word, at this number."""
