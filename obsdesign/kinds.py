@@ -100,7 +100,7 @@ TAKING_DISCRETE_TIME = (
 # kinds that take events whose time stamps have an error
 TAKING_TIME_ERRORS = ("interval",)
 # kinds that take parameters known up to a range
-TAKING_PARAMETERS = ("interval", "luenberger")
+TAKING_PARAMETERS = ("interval", "luenberger", "set_membership")
 
 # what `search` knows: ends of a range of dwell times, of finite_time, errors of time stamps,
 # ranges of parameters

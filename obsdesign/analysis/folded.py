@@ -14,7 +14,7 @@ from fractions import Fraction
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix, NewEntries, Value
-from obsdesign.analysis.nominal import nominal_body
+from obsdesign.analysis.nominal import nominal_body, nominal_problem
 from obsdesign.document import jsonable
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.plant import Plant as PlantNumbers
@@ -118,10 +118,8 @@ def folded(problem: Problem, bounds: StateBounds) -> Folded:
 def nominal(problem: Problem) -> tuple[Problem, NewEntries]:
     """The problem with the nominal plant and bounds as stated, and what a design stores besides."""
     form = NormalForm.from_plant(problem.plant)
-    n, p = problem.plant.n, problem.plant.p
-    nothing = (fractions_of(np.zeros(n)), fractions_of(np.zeros(n)), fractions_of(np.zeros(p)))
     effects = [EffectGains.from_effect(effect).to_document() for effect in form.effects]
-    return _certain(problem, form, nothing), {"effects": effects}
+    return nominal_problem(problem), {"effects": effects}
 
 
 def _certain(problem: Problem, form: NormalForm, sizes: tuple[Array, Array, Array]) -> Problem:

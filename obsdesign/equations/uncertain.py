@@ -73,6 +73,18 @@ class NormalForm:
         assert C is not None
         return NormalForm(A, C, **nominal, effects=tuple(effects))
 
+    def roundings(self) -> tuple[Effect, ...]:
+        """What nearest binary64 numbers of the nominal matrices and of the effects leave out."""
+        nominal = Effect("nominal", False, self.A, self.B, self.G, self.E, self.C)
+        listed = []
+        for effect in (nominal, *self.effects):
+            lost: dict[str, Array] = {
+                key: error for key in MATRICES for error in _rounding(getattr(effect, key))
+            }
+            if lost:
+                listed.append(Effect(f"rounding_of_{effect.name}", False, **lost))
+        return tuple(listed)
+
     def on(self, key: str) -> tuple[Array, ...]:
         """The effects on one of the matrices, of those parameters that have any."""
         listed = [getattr(effect, key) for effect in self.effects]

@@ -56,6 +56,10 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
         from obsdesign.runtime.set_membership.input_bounds import InputBoundsObserver
 
         return InputBoundsObserver
+    if known.name == "set_membership" and "effects" in gains:
+        from obsdesign.runtime.set_membership.uncertain import UncertainSetMembershipObserver
+
+        return UncertainSetMembershipObserver
     return _class_of(known.module("observer"), known.observer)
 
 

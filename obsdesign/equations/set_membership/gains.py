@@ -8,12 +8,14 @@ from typing import Self
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, NewEntries, Value
+from lmi.arithmetic.arrays import Array, Matrix, NewEntries, Value
 from obsdesign.equations.clocks import EventGains, SensorGains, clock_data
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.plant import Flow, Plant
+from obsdesign.equations.set_membership.effects import Factors, factored
 from obsdesign.equations.shaped_gains import ShapedGains, present, shaped_entries
 from obsdesign.equations.stored import blocks, count, matrix, number, word
+from obsdesign.equations.uncertain import EffectGains
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 IRREGULAR = "irregular"
@@ -36,6 +38,11 @@ class SetMembershipGains(ShapedGains):
     D (n, q), d_lower, d_upper (q,): an unknown input d between these bounds acts as D d, None
     without one; d_rate (q,): bounds of |d'|, with which d is estimated too, None for any.
 
+    effects: what each parameter of an uncertain plant adds as it goes from 0 to 1, A, B, G, E and C
+    being nominal; rounding: what these leave out of exact ones. Where x is stated to stay in a box,
+    flow_effect, jump_effect bound them there along each column of their factors, and output_effect
+    (p,) what they add to y; else these are None.
+
     multipliers (phases, n, window, p): of upper bounds of x_1 ... x_n for a full window of the
     nominal pattern, oldest stage first; those of lower bounds are their negatives. They are sound
     for every record, and tight where the stages of the window are those of the pattern.
@@ -55,6 +62,11 @@ class SetMembershipGains(ShapedGains):
     d_lower: Array | None = matrix("q", optional=True)
     d_upper: Array | None = matrix("q", optional=True)
     d_rate: Array | None = matrix("q", optional=True)
+    effects: tuple[EffectGains, ...] = blocks(EffectGains)
+    rounding: tuple[EffectGains, ...] = blocks(EffectGains)
+    flow_effect: Array | None = matrix("e", optional=True)
+    jump_effect: Array | None = matrix("f", optional=True)
+    output_effect: Array | None = matrix("p", optional=True)
     multipliers: Array | None = matrix("phases", "n", "window", "p", optional=True)
 
     def __post_init__(self) -> None:
@@ -77,13 +89,33 @@ class SetMembershipGains(ShapedGains):
 
     @property
     def flow_disturbance(self) -> tuple[Array, Array, Array]:
-        """(Bw, lower, upper) of w, then of d: b + D d = Bw w with w in the box."""
-        columns, lower, upper = self.declared_disturbance
-        if self.D is None:
-            return columns, lower, upper
-        ends = zip((lower, upper), (present(self.d_lower), present(self.d_upper)), strict=True)
-        low, high = (np.concatenate(pair) for pair in ends)
-        return np.hstack([columns, self.D]), low, high
+        """(Bw, lower, upper) of w, d, effects of parameters: all of it is Bw w, w in the box."""
+        declared = self.declared_disturbance
+        if self.D is not None:
+            declared = _beside(declared, (self.D, present(self.d_lower), present(self.d_upper)))
+        return _beside(declared, _of_effects(self.flow_factors, self.flow_effect))
+
+    @cached_property
+    def flow_factors(self) -> Factors:
+        """Effects on the flow, rows of (x, u)."""
+        return factored(self.effects_on("A", "B"), self.n)
+
+    @cached_property
+    def jump_factors(self) -> Factors:
+        """Effects on the jump, rows of (x, w)."""
+        return factored(self.effects_on("G", "E"), self.n)
+
+    def effects_on(self, state: str, known: str) -> list[Matrix]:
+        """Effects (n, n + inputs) on two matrices, those of rounding included."""
+        inputs = {"B": self.B, "E": self.E}[known]
+        count = 0 if inputs is None else inputs.shape[1]
+        listed = []
+        for effect in (*self.effects, *self.rounding):
+            X, Y = getattr(effect, state), getattr(effect, known)
+            if X is not None or Y is not None:
+                X = np.zeros((self.n, self.n)) if X is None else X
+                listed.append(np.hstack([X, np.zeros((self.n, count)) if Y is None else Y]))
+        return listed
 
     @property
     def columns(self) -> dict[str, int | bool]:
@@ -98,14 +130,34 @@ class SetMembershipGains(ShapedGains):
         """All events; the jump of a plant with one clock is one."""
         if self.G is None:
             return self.events
-        matrix, lower, upper = self.jump_disturbance
+        matrix, lower, upper = _beside(
+            self.jump_disturbance, _of_effects(self.jump_factors, self.jump_effect)
+        )
+        is_plain = self.jump_disturbance_matrix is None and not len(self.jump_factors.rows)
         return (
             EventGains(
                 name="jump", G=self.G, E=self.E, lower=lower, upper=upper,
-                disturbance_matrix=None if self.jump_disturbance_matrix is None else matrix,
+                disturbance_matrix=None if is_plain else matrix,
                 dwell_time=self.dwell_time,
             ),
         )  # fmt: skip
+
+
+def _beside(
+    first: tuple[Array, Array, Array], second: tuple[Array, Array, Array]
+) -> tuple[Array, Array, Array]:
+    """Columns and bounds of two disturbances side by side."""
+    if not second[0].shape[1]:
+        return first
+    columns = np.hstack([first[0], second[0]])
+    lower, upper = (np.concatenate([first[k], second[k]]) for k in (1, 2))
+    return columns, lower, upper
+
+
+def _of_effects(factors: Factors, bounds: Array | None) -> tuple[Array, Array, Array]:
+    """Columns of effects with their bounds, 1 where none are stated."""
+    sizes = np.ones(factors.columns.shape[1]) if bounds is None else bounds
+    return factors.columns, -sizes, sizes
 
 
 def plant_entries(plant: Plant) -> NewEntries:

@@ -108,6 +108,9 @@ def _is_exact(gains: SetMembershipGains, model: Model) -> bool:
         (model.A / ratio, gains.A), (model.C * s, gains.C),
         (model.flow.matrix / column, gains.flow_disturbance[0]),
     ]  # fmt: skip
+    for factors in (gains.flow_factors, gains.jump_factors):
+        own = factors.rows[:, : gains.n]
+        pairs.append((own / s * s, own))
     if gains.B is not None:
         pairs.append((model.inputs / column, gains.B))
     for jump, event in zip(model.jumps, gains.every_event, strict=True):

@@ -28,6 +28,7 @@ from obsdesign.runtime.set_membership.bounder import Bounder, Result
 from obsdesign.runtime.set_membership.clocks import ClockedRow, Clocks
 from obsdesign.runtime.set_membership.model import Model, observer_model, rescaled, unscaled
 from obsdesign.runtime.set_membership.row_stages import RowStages
+from obsdesign.runtime.set_membership.stages import Stage
 from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tables import Tables
 from obsdesign.runtime.set_membership.tape import Contradiction, Tape
@@ -91,8 +92,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         own = len(self.gains.declared_disturbance[1])
         b = DeclaredBox("b", model.flow.lower[:own], model.flow.upper[:own])
         # those of a row are of the one jump
-        jumps = [] if self.gains.G is None else model.jumps
-        c = next((DeclaredBox("c", jump.c.lower, jump.c.upper) for jump in jumps), None)
+        c = None if self.gains.G is None else DeclaredBox("c", *self.gains.jump_disturbance[1:])
         v = declared_noise(self.gains.noise_bound, self.gains.noise_centre)
         return DeclaredBounds(b, c, v)
 
@@ -184,7 +184,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         stages = self._stages.of_row(state, sample, row)
         fault, free = None, tape.box
         for stage in stages:
-            tape = bounder.predicted(tape, stage._replace(in_time=in_time))
+            tape = self._predicted(tape, stage._replace(in_time=in_time))
             free, cut = tape.box, bounder.cut(tape)
             if cut is None:
                 fault = bounder.contradiction(tape).reason
@@ -192,6 +192,10 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         if fault is not None:
             return self._restarted(free, fault)
         return self._bounded(tape, free, state.recent)
+
+    def _predicted(self, tape: Tape, stage: Stage) -> Tape:
+        """The tape with one more stage, its box without the measurement."""
+        return self._bounder.predicted(tape, stage)
 
     def _bounded(self, tape: Tape, free: Matrix, recent: Sequence[Matrix]) -> _Row:
         """The bounds of a tape; where they are empty, a tape that begins with the box `free`."""

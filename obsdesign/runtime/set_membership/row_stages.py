@@ -74,8 +74,8 @@ class RowStages:
         w, declared = self.clocks.named.inputs(sample, event), self.declared_bounds.c
         pair = None if sample.bounds is None else sample.bounds.c
         held = np.stack([jump.c.lower, jump.c.upper])
-        if declared is not None:
-            held = np.stack(declared.completed(pair))
+        if declared is not None:  # behind them effects of parameters
+            held[:, : len(declared.lower)] = declared.completed(pair)
         elif pair is not None:
             raise ValueError("bounds of c are not used with several events.")
         known, radius = self._disturbed(jump.c, w, held)

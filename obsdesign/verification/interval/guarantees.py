@@ -8,13 +8,13 @@ from dataclasses import replace
 from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.assumptions import is_bounded, under_assumptions
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.discrete_time import step_warnings
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.several_clocks import clocked_guarantees
 from obsdesign.verification.interval.sourced_width import sourced_sentences
-from obsdesign.verification.interval.state_box import is_bounded, under_assumptions
 from obsdesign.verification.interval.uncertain_width import uncertain_guarantees, uncertain_warnings
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,16 +13,15 @@ from lmi.bounds.tube import Tube, prove_tube
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.analysis.folded import Folded, StateBounds, absolute_plant, folded, nominal
 from obsdesign.analysis.interval.requirements import reason_against_parameters
-from obsdesign.document import Claim, Guarantee
+from obsdesign.document import Claim
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.assumptions import STATE_BOX
 from obsdesign.verification.consistency import inconsistent
 from obsdesign.verification.dwell import Dwell
-from obsdesign.verification.interval.width import shown, vectors
-from obsdesign.verification.parameter_ranges import parameter_ranges
+from obsdesign.verification.interval.width import vectors
 
-ID = "state_box"
 _NAMES = ("tube", "after_jump", "before_jump", "always")
 _SOURCE = "comparison with the positive system of |x|; tube"
 
@@ -54,7 +52,7 @@ def certain_plant(problem: Problem, certificates: EntriesByClaim) -> CertainPlan
     if reason := reason_against_parameters(problem):
         return CertainPlant(problem, {}, failed=(inconsistent(reason),))
     try:
-        claims, bounds = _box(problem.plant, certificates.get(ID, {}))
+        claims, bounds = _box(problem.plant, certificates.get(STATE_BOX, {}))
         if bounds is None and problem.plant.output.measured != "periodic":
             return CertainPlant(*nominal(problem), is_bounded=False)
         if bounds is None:
@@ -75,7 +73,7 @@ def _box(plant: Plant, proposed: Entries) -> tuple[tuple[Claim, ...], StateBound
     if bounds is None:
         return (), None
     tube = dict(zip(names, bounds, strict=True))
-    claim = Claim.from_verdict(ID, _statement(plant), _SOURCE, _verdict(plant, tube))
+    claim = Claim.from_verdict(STATE_BOX, _statement(plant), _SOURCE, _verdict(plant, tube))
     before = to_float(tube.get("before_jump", tube["always"]))
     always = to_float(tube["always"])
     return (claim,), StateBounds.proved(to_float(tube["tube"]), always, before)
@@ -115,67 +113,3 @@ def _statement(plant: Plant) -> str:
         f"ranges and dwell times in {_dwell(plant)}: a tube that |x|' <= W |x| + f, |x+| <= N |x| "
         "+ h does not leave and is drawn to"
     )
-
-
-def under_assumptions(
-    plant: Plant, claims: Sequence[Claim], guarantees: tuple[Guarantee, ...]
-) -> tuple[Guarantee, ...]:
-    """Each guarantee with a first sentence on what it assumes of parameters and of x."""
-    if not plant.parameters:
-        return guarantees
-    box = next((claim for claim in claims if claim.id == ID), None)
-    added = () if box is None else (ID,)
-    parts, counted = [parameter_ranges(plant)], ""
-    if is_bounded(plant, claims):
-        parts += [_assumed_inputs(plant), _assumed_box(plant)]
-        counted = f" {_counted(box)}"
-    text = f"Assumed: {'; '.join(part for part in parts if part)}.{counted}"
-    return tuple(
-        replace(
-            entry,
-            statement=f"{text} {entry.statement}",
-            claims=(*entry.claims, *added) if entry.claims else (),
-            given=entry.given and (box is None or box.verdict == "proved"),
-        )
-        for entry in guarantees
-    )
-
-
-def is_bounded(plant: Plant, claims: Sequence[Claim]) -> bool:
-    """Do the bounds of a design include the effects of parameters, in a box of the state?"""
-    return not plant.parameters or plant.state is not None or any(c.id == ID for c in claims)
-
-
-def _assumed_box(plant: Plant) -> str:
-    """The stated box, in words."""
-    if plant.state is None:
-        return ""
-    ends = (_plain(plant.state.lower), _plain(plant.state.upper))
-    return f"x from {ends[0]} to {ends[1]} at every instant, as [state] says"
-
-
-def _counted(box: Claim | None) -> str:
-    """How the effects of parameters enter, with a proved box or a stated one."""
-    effects = "the effects of parameters count as disturbance and noise"
-    if box is None:
-        return f"{effects[0].upper()}{effects[1:]}."
-    if box.verdict != "proved":
-        return "The box of x is not proved."
-    before = ""
-    if "before_jump" in box.evidence:
-        before = f", {shown(box.evidence['before_jump'])} just before jumps"
-    return (
-        f"|x| is proved to come to at most {shown(box.evidence['always'])}{before}; from then on "
-        f"{effects}."
-    )
-
-
-def _assumed_inputs(plant: Plant) -> str:
-    """Known inputs that effects or the box count on, in words."""
-    blocks = (plant.flow, plant.jump)
-    is_bounded = any(block is not None and block.input_bound is not None for block in blocks)
-    return "known inputs within input_bound" if is_bounded else ""
-
-
-def _plain(values: Array) -> str:
-    return "(" + ", ".join(f"{value:g}" for value in values) + ")"

@@ -10,12 +10,14 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import undecided
+from obsdesign.analysis.set_membership.effects import nominal, with_all_noise
 from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains, plant_entries
+from obsdesign.errors import DoesNotApply
 from obsdesign.problem.options import SetMembershipOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.consistency import consistent_gains
+from obsdesign.verification.consistency import consistent_gains, inconsistent
 from obsdesign.verification.set_membership.observability import observability_claims
 from obsdesign.verification.set_membership.optimal import optimal_claims
 from obsdesign.verification.set_membership.width import width_claims
@@ -35,20 +37,25 @@ def claims(
     were found; they are checked.
     """
     del budget  # proofs end by their size
+    try:
+        certain = nominal(problem)
+    except DoesNotApply as error:
+        return (inconsistent(str(error)),)
+    problem = certain.problem
+    expected = {**_expected(problem, stored), **certain.entries}
     agreement, gains = consistent_gains(
-        reason_against(problem), stored, _expected(problem, stored),
-        SetMembershipGains.from_document,
-    )  # fmt: skip
-    if gains is None:
+        reason_against(problem), stored, expected, SetMembershipGains.from_document
+    )
+    if gains is None or not certain.is_bounded:
         return (agreement,)
+    gains = with_all_noise(gains)
     observable = observability_claims(problem, gains, certificates.get("attainable", {}), paranoid)
     pattern = pattern_of(problem.plant)
     if isinstance(pattern, str):
         return (agreement, *observable)
     width = width_claims(gains, pattern, certificates.get("width", {}))
-    least = optimal_claims(
-        gains, pattern, certificates.get("optimal", {}), width[0] if width else None
-    )
+    proposed = {} if certain.entries else certificates.get("optimal", {})
+    least = optimal_claims(gains, pattern, proposed, width[0] if width else None)
     return (agreement, *observable, *without_contradiction(width, least))
 
 

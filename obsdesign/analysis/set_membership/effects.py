@@ -1,0 +1,87 @@
+"""Uncertain plants for `set_membership`: the nominal problem, and effects of all parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array, Entries, Matrix
+from obsdesign.analysis.folded import StateBounds, folded
+from obsdesign.analysis.nominal import nominal_problem
+from obsdesign.equations.set_membership.effects import Factors
+from obsdesign.equations.set_membership.gains import SetMembershipGains
+from obsdesign.equations.uncertain import EffectGains, NormalForm, fractions_of, rounded_up
+from obsdesign.errors import DoesNotApply
+from obsdesign.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class NominalProblem:
+    """A problem without parameters, and what gains hold of them.
+
+    is_bounded: no parameters, or effects that a stated box bounds: then widths can be proved.
+    """
+
+    problem: Problem
+    entries: Entries = field(default_factory=dict)
+    is_bounded: bool = True
+
+
+def nominal(problem: Problem) -> NominalProblem:
+    """The nominal problem and the entries of parameters; the problem itself without any.
+
+    DoesNotApply for a rate of an unknown input beside parameters, or an uncertain input without a
+    bound where a box is stated.
+    """
+    plant = problem.plant
+    if not plant.parameters:
+        return NominalProblem(problem)
+    if plant.flow.d_bounds is not None and plant.flow.d_bounds.rate is not None:
+        raise DoesNotApply(
+            "flow.d_bounds.rate is not available with parameters for kind 'set_membership'; leave "
+            "it out.",
+            "flow.d_bounds",
+        )
+    form = NormalForm.from_plant(plant)
+    certain = nominal_problem(problem)
+    effects = [EffectGains.from_effect(effect) for effect in form.effects]
+    entries: dict[str, object] = {"effects": [effect.to_document() for effect in effects]}
+    if roundings := form.roundings():
+        entries["rounding"] = [
+            EffectGains.from_effect(effect).to_document() for effect in roundings
+        ]
+    bounds = StateBounds.stated(plant)
+    if bounds is None:
+        return NominalProblem(certain, entries, is_bounded=False)
+    output = folded(problem, bounds).output
+    gains = SetMembershipGains.from_plant(certain.plant, window=1, steps=1, **entries)
+    of_flow = _largest(gains.flow_factors, bounds, plant.flow.input_bound)
+    entries |= {"flow_effect": of_flow, "output_effect": output}
+    if plant.jump is not None:
+        of_jump = _largest(gains.jump_factors, bounds, plant.jump.input_bound)
+        entries |= {"jump_effect": of_jump}
+    return NominalProblem(certain, entries)
+
+
+def with_all_noise(gains: SetMembershipGains) -> SetMembershipGains:
+    """Gains for claims about widths: the noise includes what parameters add to y in the box."""
+    if gains.output_effect is None:
+        return gains
+    pairs = zip(gains.noise_bound.tolist(), gains.output_effect.tolist(), strict=True)
+    bound = np.array([rounded_up(Fraction(V) + Fraction(d)) for V, d in pairs])
+    return replace(gains, noise_bound=bound)
+
+
+def _largest(factors: Factors, bounds: StateBounds, inputs: Matrix | None) -> Matrix:
+    """Bounds of w of each column over the box, rounded up."""
+    lower, upper = fractions_of(bounds.lower), fractions_of(bounds.upper)
+    rows, n = fractions_of(factors.rows), len(lower)
+    known = np.zeros(rows.shape[1] - n) if inputs is None else inputs
+    sizes: Array = abs(rows[:, :n] @ ((lower + upper) / 2)) + abs(rows[:, :n]) @ (
+        (upper - lower) / 2
+    )
+    sizes = sizes + abs(rows[:, n:]) @ fractions_of(known)
+    totals = fractions_of(factors.of_column) @ sizes
+    return np.array([rounded_up(Fraction(total)) for total in totals.tolist()])
