@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 @click.option(
     "--step", type=NUMBER, help="Time between rows.  [default: the period, or about until/500]"
 )
-@click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
+@click.option("--initial", help="True initial state x1,...,xn.  [default: ones; middle of [state]]")
 @click.option("--dwell", default="random", show_default=True,
               shell_complete=one_of("shortest", "random"),
               help="shortest, random, a number, or a file of dwell times.")  # fmt: skip

@@ -86,8 +86,8 @@ def simulate(
 
     until, step: end and spacing of the rows, in the plant's time unit (default: ten dwell times,
     without jumps 200 periods or ten time constants of the slowest mode; the sampling period, else a
-    round number near until/500, in discrete time a step). initial: x(0), (n,), default ones, or
-    what is nearest to them in the box [state]. dwell:
+    round number near until/500, in discrete time a step). initial: x(0), (n,), default the middle
+    of [state], without it ones, with parameters zeros. dwell:
     `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in turn.
     disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held), `random`
     or `sine`. rng: a numpy Generator (default: seed 0). announced: the record has the times of
@@ -143,7 +143,9 @@ def _require_finite(record: Simulation) -> None:
 
 def _initial(plant: Plant, initial: ArrayLike | None) -> Matrix:
     n, box = plant.n, plant.state
-    default = np.ones(n) if box is None else np.clip(np.ones(n), box.lower, box.upper)
+    default = np.zeros(n) if plant.parameters else np.ones(n)  # 0 is in every box that is proved
+    if box is not None:
+        default = box.lower + (box.upper - box.lower) / 2
     x = default if initial is None else np.asarray(initial, dtype=np.float64)
     if x.shape != (n,) or not np.isfinite(x).all():
         raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")

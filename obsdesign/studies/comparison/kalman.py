@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
+from obsdesign.data.simulation.parameter_courses import nominal_plant
 from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime.base import Sample
@@ -67,9 +68,10 @@ def kalman_filter(
     walk: variance that unknown inputs d gain per unit of time, and that impulses add to H g;
     initial: x at the first row, 0 by default, d being 0; initial_variance: of x, (n,) or one
     number, and the largest of them of each of d. Of a measurement what is there is used.
-    The noise of y is output.noise_std, and uniform in output.noise_bound.
+    The noise of y is output.noise_std, and uniform in output.noise_bound. Parameters are in the
+    middle of their ranges.
     """
-    rows = list(samples)
+    rows, plant = list(samples), nominal_plant(plant)
     n, q = plant.n, 0 if plant.flow.D is None else plant.flow.D.shape[1]
     variance = np.broadcast_to(np.asarray(initial_variance, dtype=np.float64), n)
     now = _Moments(np.zeros(n + q), np.diag([*variance, *np.full(q, variance.max())]))

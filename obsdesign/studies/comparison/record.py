@@ -14,6 +14,7 @@ from obsdesign.data.csv_lines import read_columns
 from obsdesign.data.layout import Layout
 from obsdesign.data.records import read_samples
 from obsdesign.data.simulation import simulate
+from obsdesign.data.simulation.parameter_courses import nominal_plant
 from obsdesign.data.simulation.rows import default_until
 from obsdesign.document import Design
 from obsdesign.entries import numbers_from_cells
@@ -101,7 +102,7 @@ class ComparisonRecord:
 def end_of_record(plant: Plant) -> float | None:
     """End of a simulation, None for its default; five times that where every row is a jump."""
     at_jumps = plant.has_one_clock and plant.output.measured == "at_jumps"
-    return 5 * default_until(plant, "random") if at_jumps else None
+    return 5 * default_until(nominal_plant(plant), "random") if at_jumps else None
 
 
 def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) -> Matrix | None:

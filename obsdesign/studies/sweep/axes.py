@@ -1,7 +1,9 @@
 """The entry of a problem that a sweep changes, and its values.
 
 An entry is written as in Python: `flow.A[0][1]`, `jump.dwell_time[1]`, `output.period`; indices
-begin with 0. It must stand in the normalised problem (defaults filled in) and hold a number.
+begin with 0. It must stand in the normalised problem (defaults filled in) and hold a number. A
+table of a list may be called by its name, `parameter.stiffness.range[0]`; `width` of a parameter
+is that of its range, about its middle.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ from obsdesign.errors import InputError
 
 Path = tuple[str | int, ...]
 
+# of a parameter: highest less lowest value
+_WIDTH = "width"
 _KEY = re.compile(r"[A-Za-z]\w*(?:\.[A-Za-z]\w*|\[\d+\])*")
 _STEP = re.compile(r"([A-Za-z]\w*)|\[(\d+)\]")
 
@@ -83,9 +87,34 @@ def changed(body: Value, path: Path, value: float) -> NewEntries:
     result: NewEntries = copy.deepcopy(body)
     place: Value = result
     for step in path[:-1]:
-        place = place[step]
-    place[path[-1]] = value
+        is_name = isinstance(place, list) and step in _names(place)
+        place = _named(place, step) if is_name else place[step]
+    if path[-1] == _WIDTH and _is_parameter(place):
+        place["range"] = _range_of_width(place["range"], value)
+    else:
+        place[path[-1]] = value
     return result
+
+
+def _range_of_width(ends: list[float], width: float) -> list[float]:
+    """The range of that width about the middle of another; as decimal numbers."""
+    low, high = (Fraction(repr(float(end))) for end in ends)
+    middle, half = (low + high) / 2, Fraction(repr(float(width))) / 2
+    return [float(middle - half), float(middle + half)]
+
+
+def _is_parameter(place: Value) -> bool:
+    return isinstance(place, dict) and "range" in place
+
+
+def _names(tables: list[Value]) -> list[str]:
+    """Names of the tables of a list."""
+    return [table["name"] for table in tables if isinstance(table, dict) and "name" in table]
+
+
+def _named(tables: list[Value], name: str | int) -> Value:
+    """The table of that name."""
+    return tables[_names(tables).index(str(name))]
 
 
 def require_number(body: Value, axis: Axis) -> None:
@@ -137,6 +166,10 @@ def _entered(place: Value, step: str | int, so_far: str, key: str) -> Value:
             raise InputError(f"--over {key}: {where} has entries [0] to [{len(place) - 1}]; "
                              f"got [{step}]. The first one is [0].")  # fmt: skip
         return place[step]
+    if isinstance(place, list) and step in _names(place):
+        return _named(place, step)
+    if step == _WIDTH and _is_parameter(place):
+        return place["range"][1] - place["range"][0]
     if not isinstance(place, dict):
         raise InputError(f"--over {key}: {where} has no {step!r}; it is {_shape(place)}.")
     if step not in place:

@@ -79,9 +79,12 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
     width = proved.get("width", {}).get("always", none)
     optimal = proved.get("optimal", {})
     best, ratio = optimal.get("least", none), optimal.get("ratio") or none
+    strips = sensor_strips(problem.plant.outputs)
+    if any("C" in parameter.effects for parameter in problem.plant.parameters):
+        strips = [None] * n  # how much a sample leaves open depends on x
     return tuple(
         StateWidths(f"x{i + 1}", None, strip, width[i], None, best[i], ratio[i])
-        for i, strip in enumerate(sensor_strips(problem.plant.outputs))
+        for i, strip in enumerate(strips)
     )
 
 
