@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,15 @@ def from_state_space(
     observer: Entries | None = None,
     name: str = "plant",
     dt: float | None = None,
+    parameter: Sequence[Entries] | None = None,
+    state: Entries | None = None,
 ) -> Problem:
     """A problem from a model x' = A x + B u, or x(t + dt) = A x + B u, with y = C x.
 
     system: anything with matrices A (n, n), B (n, m), C (p, n), D (p, m) and a time step `dt`, as
     `scipy.signal.StateSpace` and `control.StateSpace` have. flow, output: further keys of [flow]
-    (D, disturbance) and [output]; jump, observer: those blocks. dt: the step of a model in discrete
+    (D, disturbance) and [output]; jump, observer, parameter, state: those blocks, the system being
+    the plant to which parameters add. dt: the step of a model in discrete
     time that does not state it (True in python-control). InputError for such a model without it, a
     feedthrough D, an object without the matrices, or A, B, C, dt given twice.
     """
@@ -45,6 +49,8 @@ def from_state_space(
         jump,
         observer,
         name,
+        parameter=parameter,
+        state=state,
     )
 
 

@@ -92,3 +92,12 @@ def test_models_that_are_no_problem(system: Any, line: str) -> None:
     with pytest.raises(InputError) as error:
         from_state_space(system)
     assert str(error.value) == line
+
+
+def test_parameters_and_a_box_are_given_as_in_a_file() -> None:
+    system = scipy.signal.StateSpace([[0, 1], [0, -0.4]], [[0], [0]], [[1, 0]], [[0]])
+    stiffness = {"name": "stiffness", "range": [0.8, 1.2], "A": [[0, 0], [-1, 0]]}
+    box = {"lower": [-1, -1], "upper": [1, 1]}
+    problem = from_state_space(system, parameter=[stiffness], state=box)
+    assert [parameter.entry for parameter in problem.plant.parameters] == ["parameter.stiffness"]
+    assert problem.to_dict()["state"] == box
