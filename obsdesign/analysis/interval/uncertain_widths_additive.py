@@ -26,6 +26,8 @@ from obsdesign.equations.boxes import image_box
 from obsdesign.equations.interval.uncertain_jump import DEGREE, MOST_CURVES, UncertainJump
 
 _AGES = 256  # of the shortest time between two stamps
+_PART = 1 / 32  # of the time constants, at least
+_MOST_CELLS = 4096
 _DOUBLINGS = 60
 _LARGEST_FLOW = 1e50  # beyond, the flow is taken to grow for ever
 
@@ -142,12 +144,12 @@ class CurveSizes:
         """Those of a system whose flow decays."""
         n, C = system.gains.n, system.gains.C
         shortest = ClockSystem(system.gains).dwell(system.place)[0]
-        sizes = _sizes_by_age(system, np.vstack([np.eye(n), C]), shortest)
+        ages, sizes = _sizes_by_age(system, np.vstack([np.eye(n), C]), shortest)
 
         def since(k: int) -> Matrix:
             """The largest of ages from k shortest times less the window on."""
-            age = k * shortest - 2 * system.delta * (1 + 1e-12)
-            first = max(math.floor(age / shortest * _AGES) - 1, 0)
+            age = (k * shortest - 2 * system.delta) * (1 - 1e-12)
+            first = max(int(np.searchsorted(ages, age, side="right")) - 1, 0)
             return np.asarray(sizes[first:].max(axis=0))
 
         kept = range(MOST_CURVES)
@@ -156,26 +158,44 @@ class CurveSizes:
         return cls(live[:n], before[:n], live[n:], since(MOST_CURVES)[:n])
 
 
-def _sizes_by_age(system: UncertainAdditiveSystem, rows: Matrix, shortest: float) -> Matrix:
-    """Half ranges of rows times a curve by its age, in cells of the shortest time.
+def _sizes_by_age(
+    system: UncertainAdditiveSystem, rows: Matrix, shortest: float
+) -> tuple[Matrix, Matrix]:
+    """First ages of cells, ascending from 0, and half ranges of rows times a curve in each.
 
-    (MOST_CURVES + 1) _AGES + 1 of them; the last one is for all ages from there on. A window that
-    ends at the age theta was 2 theta long at most, and coefficients are powers of its length.
+    Cells are parts of the shortest time and of the flow's time constants; then each is as long as
+    all before it, and the last one has no end. A window that ends at the age theta was 2 theta long
+    at most, and coefficients are powers of its length.
     """
-    A, h = system.gains.A, shortest / _AGES
+    A, norm = system.gains.A, float(np.abs(system.gains.A).sum(axis=1).max())
+    h = shortest / _AGES
+    if norm * h > _PART:
+        h = _PART / norm
+    cells = math.ceil(min((MOST_CURVES + 1) * shortest / h, _MOST_CELLS))
     added = Enclosure.exactly(system.added)
     terms = _scaled_powers(A, added, system.delta)[1:]
     Q = Enclosure(*(np.hstack([getattr(x, part) for x in terms]) for part in ("mid", "rad")))
     step, within = expm(product(A, h)), expm(product(np.abs(A), h)).upper
     exact_rows, exact_A, sizes = Enclosure.exactly(rows), Enclosure.exactly(A), []
-    for _ in range((MOST_CURVES + 1) * _AGES):
+    for _ in range(cells):
         slope = times(np.abs(rows), times(within, (exact_A @ Q).magnitude)) * (h * (1 + 1e-12))
         sizes.append(raised(((exact_rows @ Q).magnitude + slope).sum(axis=1), 2 * Q.mid.shape[1]))
         Q = step @ Q
-    tail = times(np.abs(rows), times(system.largest_flow, Q.magnitude))
-    largest = np.array([*sizes, raised(tail.sum(axis=1), 2 * Q.mid.shape[1])])
-    share = np.minimum((np.arange(len(largest)) + 1) * h / system.delta * (1 + 1e-12), 1.0)
-    return np.asarray(raised(share[:, None] * largest, 1))
+    ages, step = [k * h for k in range(cells + 1)], expm(product(A, cells * h))
+    for _ in range(_DOUBLINGS):
+        sizes.append(_ever(system, rows, Q))
+        ages.append(2 * ages[-1])
+        Q, step = step @ Q, step @ step
+    sizes.append(_ever(system, rows, Q))
+    ends = np.array([*ages[1:], math.inf])
+    share = np.minimum(ends / system.delta * (1 + 1e-12), 1.0)
+    return np.array(ages), np.asarray(raised(share[:, None] * np.array(sizes), 1))
+
+
+def _ever(system: UncertainAdditiveSystem, rows: Matrix, Q: Enclosure) -> Matrix:
+    """Half ranges of rows times a curve Q at any time from now on."""
+    flows = times(np.abs(rows), times(system.largest_flow, Q.magnitude))
+    return np.asarray(raised(flows.sum(axis=1), 2 * Q.mid.shape[1]))
 
 
 def _scaled_powers(A: Matrix, X: Enclosure, d: float) -> list[Enclosure]:

@@ -131,7 +131,7 @@ def test_missing_gains_are_found_first() -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("--for", "peace"), "--for must be one of shortest_dwell, longest_dwell, longest_period, shortest_window, largest_time_error; got 'peace'."),
+        (("--for", "peace"), "--for must be one of shortest_dwell, longest_dwell, longest_period, shortest_window, largest_time_error, largest_uncertainty; got 'peace'."),
         (("--for", "longest_period"), "--for longest_period is not available for kind 'interval' in this version."),
         (("--for", "shortest_dwell", "--accuracy", "0"), "--accuracy must be a number from 1e-12 to 1; got 0.0."),
     ],

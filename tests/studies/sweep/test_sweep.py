@@ -311,7 +311,7 @@ def test_entries_that_are_not_there(key: str, line: str) -> None:
 def test_what_cannot_be_asked() -> None:
     problem, axis = stability(), parse_axis(DWELL)
     for arguments, line in (
-        (([axis], "peace", 1e-6), "--for must be one of shortest_dwell, longest_dwell, longest_period, shortest_window, largest_time_error, verdict, width, decay_rate, error; got 'peace'."),
+        (([axis], "peace", 1e-6), "--for must be one of shortest_dwell, longest_dwell, longest_period, shortest_window, largest_time_error, largest_uncertainty, verdict, width, decay_rate, error; got 'peace'."),
         (([axis], "width", 1e-6), "--for width is a number of kind 'interval'; this problem is of 'luenberger'."),
         (([axis], "longest_period", 1e-6), "--for longest_period is not available for kind 'luenberger' in this version."),
         (([axis], "longest_dwell", 0.0), "--accuracy must be a number from 1e-12 to 1; got 0.0."),

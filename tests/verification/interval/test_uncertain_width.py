@@ -245,6 +245,21 @@ def test_a_larger_error_has_the_larger_width(design: Design) -> None:
         assert (np.array(smaller[name]) < np.array(width_claim(design).evidence[name])).all()
 
 
+def test_events_further_apart_never_widen(design: Design) -> None:
+    """By 1000 time constants too, where exponentials over a part of that leave all numbers."""
+    before = np.array(width_claim(design).evidence["always"])
+    for every in ([30, 50], [2e5, 3e5]):
+        own = width_claim(obsdesign.design(changed(every=every))).evidence
+        assert (np.array(own["always"]) <= 1.001 * before).all()
+        before = np.array(own["always"])
+
+
+def test_events_that_hardly_ever_come_are_undecided_in_words() -> None:
+    outcome = workflow.investigate(changed(every=[6e80, 1.4e81]))
+    assert outcome.verdict == "undecided"
+    assert "no tube" in outcome.claims[-1].evidence["reason"]
+
+
 def test_other_kinds_refuse_in_a_line() -> None:
     for kind in ("set_membership", "luenberger", "impulsive"):
         problem = Problem(**{**PK, "observer": {"kind": kind}})
