@@ -11,7 +11,7 @@ Nodes, each with the instants that it stands for:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain, combinations
@@ -47,6 +47,11 @@ class MarkGraph:
     def __init__(self, system: ClockSystem, events: Sequence[int], cells: int) -> None:
         self.system, self.marks = system, Marks(system, events, cells)
         self.cells = {k: self._gap_cells(k) for k in system.counted}
+        # times in which an age grows from one cell to another
+        self.grown = {
+            k: [[less(later, own) for later in cells] for own in cells]
+            for k, cells in self.cells.items()
+        }
         self.preceding: dict[int, list[Preceding]] = {}
         for before, mark, time in self.marks.following:
             self.preceding.setdefault(mark, []).append(Preceding(before, time))
@@ -63,7 +68,8 @@ class MarkGraph:
         """(mark, cell) that may be: the last sample after the mark before, or before that too."""
         cells, reached = self.cells[sensor], list[tuple[int, int]]()
         for mark, before in self.preceding.items():
-            reached += [(mark, i) for i in range(len(cells)) if self._since(before, cells[i])]
+            times = {each.time for each in before}
+            reached += [(mark, i) for i, cell in enumerate(cells) if _any_left(times, cell)]
         known = set(reached)
         following: dict[int, list[tuple[int, Range]]] = {}
         for before_mark, mark, time in self.marks.following:
@@ -84,9 +90,7 @@ class MarkGraph:
 
     def _kept(self, sensor: int, mark: int, cells: tuple[int, int], time: Range) -> Range | None:
         """Time from a mark to the next by which the age of a sample goes from cell to cell."""
-        own = self.cells[sensor][self.carried(mark, cells[0])]
-        later = self.cells[sensor][cells[1]]
-        grown = less(later, own)
+        grown = self.grown[sensor][self.carried(mark, cells[0])][cells[1]]
         return None if grown is None else meet(time, grown)
 
     def carried(self, mark: int, cell: int) -> int:
@@ -217,3 +221,8 @@ class MarkGraph:
                 if time is not None and (before.mark, j) in self.aged[sensor]:
                     source = self.place("aged", before.mark, sensor, j)
                     yield passage(source, self.event(before.mark), time)
+
+
+def _any_left(times: Iterable[Range], cell: Range) -> bool:
+    """May a sample in a cell before a mark be after the mark before, one of some times ago?"""
+    return any(less(time, cell) is not None for time in times)
