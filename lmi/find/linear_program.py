@@ -57,8 +57,16 @@ def minimise(
     return _solution(program, seconds, iterations)
 
 
+class _Silent(highspy.Highs):  # type: ignore[misc]  # untyped
+    """A solver that writes nothing: from 1.16 on it does so as it is made, before any option."""
+
+    def enableCallbacks(self) -> None:
+        self.setOptionValue("output_flag", False)
+        super().enableCallbacks()
+
+
 def _solution(program: highspy.HighsLp, seconds: float, iterations: int | None) -> Matrix | None:
-    solver = highspy.Highs()
+    solver = _Silent()
     solver.setOptionValue("output_flag", False)
     solver.setOptionValue("threads", 1)
     if len(program.a_matrix_.value_) >= _LARGE:
