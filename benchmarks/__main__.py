@@ -15,7 +15,7 @@ CLAIMS = (
     "period_search_is_reliable", "window_step_is_fast",
     "unknown_input_stream_is_fast",
     "impulse_is_fast", "impulse_window_is_fast", "pulses_in_noise", "bounds_are_tight",
-    "new_step_is_cheap",
+    "new_step_is_cheap", "irregular_step_is_fast",
 )  # fmt: skip
 
 

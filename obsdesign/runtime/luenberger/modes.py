@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -48,7 +48,7 @@ class SwitchedPointObserver(SwitchedObserver[LuenbergerState, LuenbergerGains]):
 
     def _still(self, inner: LuenbergerState) -> LuenbergerState:
         """The state of an observer, from which a row of the same time may follow."""
-        return replace(inner, started=False)
+        return inner._replace(started=False, is_usual=False)
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> SwitchedPoint:
         """State at time t from a guess of x(t), before the first sample and its mode."""
@@ -67,4 +67,4 @@ class SwitchedPointObserver(SwitchedObserver[LuenbergerState, LuenbergerGains]):
         y = inner.y if self.keeps_measurement(before, after) else None
         G = self.gains.gains[after].G
         x = inner.x if G is None else np.asarray(G @ inner.x)
-        return Entry(replace(inner, x=x, y=y), estimate._replace(x=x))
+        return Entry(inner._replace(x=x, y=y, is_usual=False), estimate._replace(x=x))

@@ -11,28 +11,44 @@ then the next sample stands alone. Without any, the plant alone predicts.
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy import concatenate, ndarray
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.runtime.base import Estimate, Sample, instant, vector
+from obsdesign.runtime.base import Estimate, Sample, by_position, instant, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
-from obsdesign.runtime.flow_response import Maps, responses
+from obsdesign.runtime.flow_cells import FlowCells
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Outputs, States
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
 from obsdesign.runtime.step_cache import cached_step
 
+_ONE = np.ones(1)
+# beyond, a step is made where overflow is not a warning
+_LARGE = 1e30
+_FLOAT = np.dtype(np.float64)
+# maps of steps that are kept
+_RECENT = 1024
+# what a slope of y adds in shorter steps is nothing, and neither is finite
+_SHORTEST = 1e-150
+# how an estimate ends that has x alone
+_NO_BOUNDS = (None, None, None, (), "ok", None, None, None)
 
-@dataclass(frozen=True, slots=True)
-class LuenbergerState:
-    """Everything the next step needs: the estimate x just after time t."""
+
+class LuenbergerState(NamedTuple):
+    """Everything the next step needs: the estimate x just after time t.
+
+    y: measurement that the next step may start from, less the middle of its noise; is_usual: is
+    there such a y, and are all numbers below `_LARGE`?
+    """
 
     t: float
     x: States
@@ -40,6 +56,7 @@ class LuenbergerState:
     y: Outputs | None
     guard: DwellGuard
     started: bool
+    is_usual: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,7 +66,8 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     gains: LuenbergerGains
     kind: ClassVar[str] = "luenberger"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[float, dict[bool, Maps]] = field(
+    _steps: dict[float, Matrix] = field(default_factory=dict, repr=False, compare=False)
+    _free_steps: OrderedDict[float, Matrix] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -69,6 +87,35 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         guard = DwellGuard.from_gains(self.gains)
         inputs = np.zeros(self.gains.m)
         return LuenbergerState(instant(t), guess, inputs, None, guard, started=False)
+
+    def step(self, state: LuenbergerState, sample: Sample) -> tuple[LuenbergerState, Estimate]:
+        """Move to the time of the sample, use it, and jump if it says so.
+
+        ValueError if time does not increase (the first sample may share the initial time).
+        """
+        usual = self._usual(state, sample) if state.is_usual else None
+        return super().step(state, sample) if usual is None else usual
+
+    def _usual(
+        self, state: LuenbergerState, sample: Sample
+    ) -> tuple[LuenbergerState, Estimate] | None:
+        """The step of a sample between jumps without any objection; None for any other."""
+        t, y, u, _, jump, *_ = sample
+        since, x, inputs, start, guard, _, _ = state
+        if jump or u is not None or start is None or type(y) is not ndarray:
+            return None
+        if y.dtype is not _FLOAT or y.shape != start.shape or not _moderate(y):
+            return None
+        h, end = t - since, y - self._noise_centre
+        if not 0.0 < h < self._measured_cells.longest:
+            return None
+        if guard.last_jump is not None and guard.after(t, False)[1]:
+            return None
+        x = self._measured(h, x, start, inputs, end)
+        if not _moderate(x):
+            return None
+        following = by_position(LuenbergerState, (t, x, inputs, end, guard, True, True))
+        return following, by_position(Estimate, (t, x, *_NO_BOUNDS))
 
     def advance(
         self, state: LuenbergerState, t: float, y: Matrix | None, sample: Sample
@@ -90,7 +137,8 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             x = corrected_jump(self.gains, x, sample.w, y, M)
             usable = y if when == "after" else None
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
-        following = replace(state, t=t, x=x, u=u, y=usable, guard=guard, started=True)
+        is_usual = usable is not None and all(map(_moderate, (x, usable, u)))
+        following = LuenbergerState(t, x, u, usable, guard, started=True, is_usual=is_usual)
         return following, Estimate(t, x=x, status=status_of(objections, x))
 
     def _flow(self, state: LuenbergerState, t: float, y_end: Matrix | None) -> Matrix:
@@ -98,18 +146,49 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             return state.x
         start = state.y if state.y is not None else y_end
         end = y_end if y_end is not None else start
-        maps = cached_step(self._steps, t - state.t, self._maps)
-        flow, once, ramp = maps[start is not None]
-        forced = self.gains.flow_drift + (0.0 if self.gains.B is None else self.gains.B @ state.u)
+        h = t - state.t
         if start is None or end is None:
-            return np.asarray(flow @ state.x + once @ forced)
-        L = self.gains.L
-        return np.asarray(flow @ state.x + once @ (L @ start + forced) + ramp @ (L @ (end - start)))
+            known = concatenate((state.x, state.u, _ONE))
+            return np.asarray(cached_step(self._free_steps, h, self._free_cells.at).dot(known))
+        return self._measured(h, state.x, start, state.u, end)
 
-    def _maps(self, h: float) -> dict[bool, Maps]:
-        """(e^{Xh}, its integral, the response to a unit ramp over the step), X = A or A - L C."""
-        A, L, C = self.gains.A, self.gains.L, self.gains.C
-        return {False: responses(A, h), True: responses(flow_error_matrix(A, L, C), h)}
+    def _measured(self, h: float, x: Matrix, start: Matrix, u: Matrix, end: Matrix) -> Matrix:
+        """The estimate after a step h in which y goes from start to end."""
+        step = self._steps.get(h)
+        if step is None:
+            if len(self._steps) >= _RECENT:
+                self._steps.clear()
+            step = self._steps[h] = self._measured_cells.at(h)
+        slope = (end - start) / max(h, _SHORTEST)
+        return np.asarray(step.dot(concatenate((x, start, u, _ONE, slope))))
+
+    @cached_property
+    def _free_cells(self) -> FlowCells:
+        """Steps of [x; u; 1] without any measurement."""
+        driven, g = self._driven, self.gains
+        known = driven.shape[1]
+        return FlowCells(np.block([[g.A, driven], [np.zeros((known, g.n + known))]]), g.n)
+
+    @cached_property
+    def _measured_cells(self) -> FlowCells:
+        """Steps of [x; y; u; 1; slope of y]."""
+        driven, g = self._driven, self.gains
+        n, p, known = g.n, g.p, driven.shape[1]
+        N = np.zeros((n + p + known + p,) * 2)
+        N[:n, : n + p + known] = np.hstack([flow_error_matrix(g.A, g.L, g.C), g.L, driven])
+        N[n : n + p, -p:] = np.eye(p)
+        return FlowCells(N, n)
+
+    @cached_property
+    def _driven(self) -> Matrix:
+        """[B, middle of b], (n, m + 1)."""
+        B, drift = self.gains.B, self.gains.flow_drift[:, None]
+        return drift if B is None else np.hstack([B, drift])
+
+    @cached_property
+    def _noise_centre(self) -> Matrix:
+        centre = self.gains.noise_centre
+        return np.zeros(self.gains.p) if centre is None else centre
 
     def _jump_gain(self, last_jump: float | None, t: float) -> Matrix:
         """M, or where gains follow a schedule, the one for the dwell time that ends at t."""
@@ -118,3 +197,8 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             return gains.M
         cell = np.searchsorted(gains.dwell_borders, t - last_jump, side="right")
         return np.asarray(gains.M_cells[cell])
+
+
+def _moderate(values: Matrix) -> bool:
+    """Are all numbers far from overflow, none NaN? Of a few, faster than by numpy."""
+    return bool(sum(map(abs, values.tolist())) < _LARGE)

@@ -66,7 +66,8 @@ def test_errors_are_about_their_deviations(
     period = 0.25
     scores, events, chosen = errors_of(plant(matrices, noise, period, **options), 20)
     assert chosen == operator
-    assert {event.status for event in events} == {"ok"}
+    # the level of residuals is passed by chance in about 1 of 100 windows
+    assert sum(event.status != "ok" for event in events) <= 2
     size = np.sqrt((scores**2).mean(axis=0))
     assert (size > 0.7).all()
     assert (size < 1.3).all()

@@ -228,3 +228,54 @@ def test_a_window_of_very_many_samples_is_looked_at_in_some(body: dict[str, Any]
         turning = replace(gains, A=A, C=C, H=H, period=1.0, window=window)
         every = sampled_claims(turning, 200.0)
         assert next(c for c in every if c.id == "rank").verdict == words
+
+
+DEPOT: dict[str, Any] = {
+    "flow": {"A": [[-0.2, 0], [0.2, -0.0138629436111989]]},
+    "jump": {"H": [[1], [0]], "dwell_time": [100, "inf"]},
+    "output": {"C": [[0, 1]], "noise_std": [0.02], "measured": "periodic", "period": 10},
+    "observer": {"kind": "impulsive_input", "operator": "samples"},
+}
+
+
+def depot_record(unit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """(times, samples) of three impulses."""
+    A, H = np.array(DEPOT["flow"]["A"]), np.array([[1.0], [0.0]])
+    t = np.arange(0.0, 560.0, 10.0)
+    x = record(A, H, [(153.0, 1.5), (300.0, 1.0), (430.0, 2.0)], t, np.zeros(2))
+    return t * unit, x[:, 1:] + 0.02 * np.random.default_rng(0).standard_normal((len(t), 1))
+
+
+@pytest.mark.parametrize("missing", [(16, 17, 18), (17, 18, 19), (17, 18, 19, 20), (31, 32, 33)])
+def test_rows_that_are_missing_after_an_impulse_leave_numbers(missing: tuple[int, ...]) -> None:
+    """Onsets that no sample sees are ruled out, not undefined."""
+    design = obsdesign.design(obsdesign.Problem.from_dict(DEPOT))
+    t, y = depot_record()
+    y[list(missing)] = np.nan
+    rows = list(from_design(design).run(from_design(design).init(0.0), rows_of(t, y)))
+    assert all(np.isfinite(row.x).all() for row in rows)
+    events = events_of(rows)
+    assert len(events) == 3
+    for event, (at, weight) in zip(events, ((153, 1.5), (300, 1.0), (430, 2.0)), strict=True):
+        assert abs(event.t - at) <= 6 * event.t_std
+        assert abs(event.weights[0] - weight) <= 6 * event.weights_std[0]
+
+
+@pytest.mark.parametrize("bits", [-43, -36, 36])
+def test_the_unit_of_time_does_not_matter(bits: int) -> None:
+    """Down to samples 1e-12 apart."""
+    unit = 2.0**bits
+    body = copy.deepcopy(DEPOT)
+    body["flow"]["A"] = (np.array(DEPOT["flow"]["A"]) / unit).tolist()
+    body["jump"]["dwell_time"] = [100 * unit, "inf"]
+    body["output"]["period"] = 10 * unit
+    events = []
+    for problem, time in ((DEPOT, 1.0), (body, unit)):
+        design = obsdesign.design(obsdesign.Problem.from_dict(problem))
+        t, y = depot_record(time)
+        events.append(events_in(from_design(design), t, y))
+    for ours, scaled in zip(*events, strict=True):
+        assert scaled.t == pytest.approx(ours.t * unit, rel=1e-9)
+        assert scaled.t_std == pytest.approx(ours.t_std * unit, rel=1e-6)
+        assert scaled.weights == pytest.approx(ours.weights, rel=1e-6)
+        assert ours.status == scaled.status

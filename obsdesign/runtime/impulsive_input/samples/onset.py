@@ -30,8 +30,13 @@ ONSETS = 40  # per period of the samples
 _REFINEMENTS = 12  # of the grid of onsets, tenfold each
 _MAX_NEIGHBOUR_PROBABILITY = 0.95  # probability of three neighbours from which a grid is too coarse
 _LEAST_SPREAD = 1e-8  # smallest deviation of a state kept, relative to its own one
-_EQUAL_TIMES = 1e-12  # times closer than this are one
+_EQUAL_ULPS = 8  # times closer than this, of the largest of a window, are equal
 _RATIO_ROUNDING = 8 * float(np.finfo(np.float64).eps)  # of a likelihood ratio, relative
+
+
+def _slack(times: Matrix) -> float:
+    """By how much equal times of a window may differ."""
+    return _EQUAL_ULPS * float(np.spacing(np.abs(times).max()))
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,7 @@ class Grid:
 
     def before(self, t: float) -> Grid:
         """Those that lie before a time; one at least."""
-        k = max(int(np.searchsorted(self.onsets, t - _EQUAL_TIMES)), 1)
+        k = max(int(np.searchsorted(self.onsets, t - _slack(np.append(self.onsets[:1], t)))), 1)
         return Grid(self.onsets[:k], self.cell[:k], self.states[:k])
 
 
@@ -124,7 +129,8 @@ class Cells:
 
     def cell_of(self, onsets: Matrix) -> Indices:
         """Index of the cell of each onset; one at a row belongs to the cell that ends there."""
-        return np.minimum(np.searchsorted(self.ends, onsets - _EQUAL_TIMES), len(self.ends) - 1)
+        before = np.searchsorted(self.ends, onsets - _slack(self.ends))
+        return np.minimum(before, len(self.ends) - 1)
 
 
 @dataclass(frozen=True)
@@ -202,11 +208,13 @@ class OnsetModel:
         p = np.exp(log_p - log_p.max()) if np.isfinite(log_p).any() else np.ones_like(log_p)
         weights = np.where(den > 0, num / np.where(den > 0, den, 1.0), 0.0)
         cost = float(cells.costs.sum() - ratio.max()) / rounding
+        # of an onset that samples do not see, and that is ruled out, nothing may be left to sums
+        precision = np.where(p > 0, den / rounding, math.inf)
         return Fit(
             grid=grid,
             probability=p / p.sum(),
             weights=weights,
-            precision=den / rounding,
+            precision=precision,
             ratio=ratio,
             cost=cost,
         )
