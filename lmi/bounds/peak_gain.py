@@ -10,11 +10,13 @@ integral is at least |c F^-1 b|, what a constant input leaves.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
+    Balls,
     Exact,
     ball,
     entries,
@@ -62,20 +64,33 @@ def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Matrix | None:
     """sqrt(b' P b / (2 rate)) for every c and b; None unless F + rate I is proved Hurwitz."""
     if not (np.isfinite(rate) and rate > 0):
         return None
-    k = len(F)
-    shifted = F + exact(rate * np.eye(k))
+    bound = decaying_integrals(F, C, rate)
+    if bound is None:
+        return None
+    values = bound(ball(B))
+    return np.array([[float_above(value) for value in row] for row in values])
+
+
+def decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exact] | None:
+    """B -> upper bounds in balls of the integrals of |C e^(Fs) B|, (rows of C, columns of B).
+
+    rate > 0: the a of the inequality. None unless F + rate I is proved Hurwitz.
+    """
+    shifted = F + exact(rate * np.eye(len(F)))
     if prove_hurwitz(shifted).outcome != "proved":
         return None
     solution = _lyapunov_matrices(shifted, C)
     if solution is None:
         return None
     weight = 1 / (2 * scalar(exact(rate).item()))
-    columns = entries(ball(B))
-    result = np.zeros((len(C), B.shape[1]))
-    for i, P in enumerate(solution):
-        squares = (columns * (P @ columns)).sum(axis=0) * weight
-        result[i] = [float_above(square.abs_upper().sqrt()) for square in squares]
-    return result
+
+    def integrals(B: Balls) -> Exact:
+        columns = entries(B)
+        squares = [(columns * (P @ columns)).sum(axis=0) * weight for P in solution]
+        roots = [[square.abs_upper().sqrt() for square in row] for row in squares]
+        return np.array(roots, dtype=object).reshape(len(C), columns.shape[1])
+
+    return integrals
 
 
 def _lyapunov_matrices(F: Exact, C: Exact) -> list[Exact] | None:

@@ -22,7 +22,7 @@ from obsdesign.synthesis.interval.forms import gains_of_form
 from obsdesign.synthesis.interval.goals import mean_width
 from obsdesign.synthesis.interval.sampled_width import propose_spacing
 from obsdesign.synthesis.interval.task import Task
-from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
+from obsdesign.synthesis.tube import proved_width, solvers_of_tube
 
 
 def plain_frame(problem: Problem, form: str) -> Entries:
@@ -88,7 +88,7 @@ def _widths(problem: Problem, gains: IntervalGains, system: WidthSystem) -> Cert
         spacing = propose_spacing(gains, system, *gains.dwell_ends, period)
         if spacing is not None:
             certificates["sampled_width"] = spacing
-    return Certificates(certificates, solvers_of_tube(system) if certificates else ())
+    return Certificates(certificates, solvers_of_tube(system.N is not None) if certificates else ())
 
 
 def _cost(problem: Problem, gains: IntervalGains) -> float:

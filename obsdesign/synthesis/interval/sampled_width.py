@@ -18,7 +18,7 @@ from lmi.prove.hurwitz import rightmost
 from obsdesign.analysis.interval.interleaved import interleaved
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
-from obsdesign.synthesis.interval.tube import ROOM, Units, least, nearest, proved_width
+from obsdesign.synthesis.tube import ROOM, Units, least, nearest, proved_width
 
 _OFFSETS, _FINE, _MOST_PERIODS = 24, 400, 400
 _HALVINGS = 14

@@ -14,7 +14,7 @@ from obsdesign.equations.uncertain import NormalForm
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
-from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
+from obsdesign.synthesis.tube import proved_width, solvers_of_tube
 
 
 def with_sources(
@@ -35,7 +35,7 @@ def with_sources(
             tube = proved_width(system, low, high, vanishing=True)
             tubes |= {} if tube is None else {source: tube}
     if len(tubes) == len(width.systems):
-        solvers = solvers_of_tube(next(iter(width.systems.values())))
+        solvers = solvers_of_tube(next(iter(width.systems.values())).N is not None)
         certificates = certificates.joined(Certificates({"source_width": tubes}, solvers))
     corrected = any(getattr(gains, name) is not None for name in CORRECTIONS)
     return replace(

@@ -5,23 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from lmi.arithmetic.arrays import Entries, EntriesByClaim
-from lmi.arithmetic.balls import exact
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import TimeBudget
-from obsdesign.analysis.folded import StateBounds, absolute_plant, folded, nominal
+from obsdesign.analysis.folded import StateBounds, folded, nominal
 from obsdesign.analysis.interval.requirements import reason_against_parameters
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import DoesNotApply, InputError
-from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.interval.corrections import corrections
 from obsdesign.synthesis.interval.sourced_width import with_sources
-from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
+from obsdesign.synthesis.state_box import proposed_box
 
 
 @dataclass(frozen=True)
@@ -71,38 +66,16 @@ def certain_problem(problem: Problem) -> CertainProblem:
         certain = folded(problem, stated)
         return CertainProblem(problem, certain.problem, certain.entries)
     try:
-        system, certificate = _proposed_box(plant)
-    except DoesNotApply:
-        if plant.output.measured == "periodic":
-            raise
-        return CertainProblem(problem, *nominal(problem), certificates=None)
-    always = np.array(certificate["always"])
-    before = np.array(certificate.get("before_jump", certificate["always"]))
-    tube = np.array(certificate["tube"])
-    certain = folded(problem, StateBounds.proved(tube, always, before))
-    return CertainProblem(
-        problem, certain.problem, certain.entries, {"state_box": certificate},
-        solvers_of_tube(system),
-    )  # fmt: skip
-
-
-def _proposed_box(plant: Plant) -> tuple[WidthSystem, Entries]:
-    """A proved tube of |x|, as a certificate; DoesNotApply where there is none."""
-    dwell = (0.0, np.inf)
-    if plant.jump is not None and plant.jump.dwell_time is not None:
-        dwell = plant.jump.dwell_time
-    certificate, reason = None, "its |x| is not proved to stay bounded by itself"
-    try:
-        W, f, N, h = absolute_plant(plant, exact)
-        unit = exact(np.eye(plant.n))
-        system = WidthSystem(W=W, f=f, N=N, h=h, K=None, k=None, out=unit)
-        certificate = proved_width(system, *dwell, vanishing=True)
+        box = proposed_box(plant)
     except DoesNotApply as error:
-        reason = str(error)
-    if certificate is None:
+        if plant.output.measured != "periodic":
+            return CertainProblem(problem, *nominal(problem), certificates=None)
         raise DoesNotApply(
             f"[state], bounds of x, is required by kind 'interval' for this plant with "
-            f"{plant.parameters[0].entry}: {reason}.",
+            f"{plant.parameters[0].entry}: {error}.",
             "state",
-        )
-    return system, certificate
+        ) from None
+    certain = folded(problem, box.bounds)
+    return CertainProblem(
+        problem, certain.problem, certain.entries, {"state_box": box.certificate}, box.solvers
+    )

@@ -24,9 +24,9 @@ from obsdesign.verification.interval.width import (
     limit_claim,
     raised_product,
     shown,
-    vectors,
     width_claim,
 )
+from obsdesign.verification.proposal import vectors
 
 _MAPS_IN_WORDS = (
     "w+ = |X e^(A s)| w + what f adds over a time s, with X = I between events, X = I - L C (k is "

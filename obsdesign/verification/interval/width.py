@@ -16,6 +16,7 @@ from lmi.verdict import Verdict, proved, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.proposal import vectors
 from obsdesign.verification.rates import six_digits
 
 
@@ -124,20 +125,6 @@ def _constant_dwell_sentence(row: ConstantDwell, measured: str) -> str:
 def shown(values: Sequence[float] | Array) -> str:
     """Text of a vector of upper bounds: six digits, rounded up."""
     return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"
-
-
-def vectors(proposed: Entries, names: tuple[str, ...], n: int) -> tuple[Array, ...] | None:
-    """The proposed vectors, exact; None if one is missing, or not a finite vector."""
-    result = []
-    for name in names:
-        try:
-            value = np.asarray(proposed[name], dtype=np.float64)
-            result.append(exact(value))
-        except (KeyError, TypeError, ValueError, OverflowError):
-            return None
-        if value.shape != (n,):
-            return None
-    return tuple(result)
 
 
 def _proof(system: WidthSystem, ends: tuple[float, float], tube: Tube) -> Verdict:

@@ -20,7 +20,7 @@ from obsdesign.equations.uncertain import NormalForm
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
-from obsdesign.synthesis.interval.tube import proved_width
+from obsdesign.synthesis.tube import proved_width
 from obsdesign.workflow import investigate, verify
 from tests.systems.parameters import Body, compartments, degue, rooms, spring
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.arithmetic.balancing import Scaling
-from lmi.arithmetic.balls import exact, to_float
+from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.bounds.tube import Tube, prove_tube
 from lmi.families import Edge
@@ -60,9 +60,24 @@ def proved_width(
     return None
 
 
-def solvers_of_tube(system: WidthSystem) -> Solvers:
+def proved_tube(
+    W: Exact,
+    f: Exact,
+    N: Exact | None,
+    h: Exact | None,
+    *,
+    ends: tuple[float, float],
+    vanishing: bool = False,
+) -> dict[str, list[float]] | None:
+    """The same for u' = W u + f, u+ = N u + h itself, exact; N, h None without jumps."""
+    unit = exact(np.eye(len(W)))
+    system = WidthSystem(W=W, f=f, N=N, h=h, K=None, k=None, out=unit)
+    return proved_width(system, *ends, vanishing)
+
+
+def solvers_of_tube(has_jumps: bool) -> Solvers:
     """Solvers of a proposed width: without jumps the limit is one linear system."""
-    return () if system.N is None else ("HiGHS",)
+    return ("HiGHS",) if has_jumps else ()
 
 
 def propose_width(

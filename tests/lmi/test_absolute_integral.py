@@ -1,0 +1,57 @@
+"""Integrals of |e^(Fs) E|: above the integral, and close to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from lmi.arithmetic.balls import exact
+from lmi.bounds.absolute_integral import absolute_integrals
+from lmi.bounds.peak_gain import peak_gains
+
+
+def quadrature(F: np.ndarray, E: np.ndarray) -> np.ndarray:
+    """The same by the midpoint rule, until all has decayed."""
+    decay = -np.linalg.eigvals(F).real.max()
+    step = 2e-3 / np.abs(F).sum(axis=1).max()
+    flow, state, total = expm(F * step), expm(F * step / 2) @ E, np.zeros(E.shape)
+    for _ in range(int(np.ceil(14 / decay / step))):
+        total += step * np.abs(state)
+        state = flow @ state
+    return total
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bounds_exceed_the_integral_by_little(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    F = rng.normal(size=(3, 3))
+    F -= (np.linalg.eigvals(F).real.max() + 0.3) * np.eye(3)
+    E = rng.normal(size=(3, 2))
+    bound = absolute_integrals(exact(F), exact(E))
+    assert bound is not None
+    ratio = bound / quadrature(F, E)
+    assert (ratio > 1 - 2e-6).all()
+    assert (ratio < 1.01).all()
+
+
+def test_an_oscillation_is_bounded_better_than_by_its_energy() -> None:
+    F, E = np.array([[0, 1], [-1, -0.4]]), np.array([[0.0], [1.0]])
+    bound = absolute_integrals(exact(F), exact(E))
+    peaks = peak_gains(exact(F), exact(E), exact(np.eye(2)))
+    assert bound is not None
+    assert peaks is not None
+    assert (bound < 0.9 * peaks[1]).all()
+    assert bound == pytest.approx(quadrature(F, E), rel=3e-3)
+    # exact without oscillations, at any stiffness
+    slow = absolute_integrals(exact(np.diag([-1e-3, -1e3])), exact(np.ones((2, 1))))
+    assert slow is not None
+    assert slow[:, 0] == pytest.approx([1e3, 1e-3], rel=2e-3)
+
+
+def test_nothing_is_bounded_that_does_not_decay() -> None:
+    column = exact(np.ones((2, 1)))
+    assert absolute_integrals(exact(np.diag([-1.0, 0.0])), column) is None
+    assert absolute_integrals(exact([[0.0, 1.0], [-1.0, 0.0]]), column) is None
+    # the twin
+    assert absolute_integrals(exact(np.diag([-1.0, -1e-3])), column) is not None
