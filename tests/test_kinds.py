@@ -85,6 +85,7 @@ GUARANTEES: dict[str, Conclusions] = {
 WARNS: dict[str, Warns] = {
     "interval": interval_guarantees,
     "set_membership": set_membership_guarantees,
+    "luenberger": luenberger_guarantees,
     "finite_time": finite_time_guarantees,
     "impulsive_input": impulsive_input_guarantees,
     "unknown_input": unknown_input_guarantees,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from decimal import ROUND_CEILING
 
 from lmi.arithmetic.arrays import Array
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.plant import Plant
 from obsdesign.verification.parameter_ranges import parameter_ranges
-from obsdesign.verification.rates import six_digits
+from obsdesign.verification.rates import shown
 
 # id of the claim on a box that is proved
 STATE_BOX = "state_box"
@@ -63,9 +62,9 @@ def _counted(box: Claim | None) -> str:
         return "The box of x is not proved."
     before = ""
     if "before_jump" in box.evidence:
-        before = f", {_upper(box.evidence['before_jump'])} just before jumps"
+        before = f", {shown(box.evidence['before_jump'])} just before jumps"
     return (
-        f"|x| is proved to come to at most {_upper(box.evidence['always'])}{before}; from then on "
+        f"|x| is proved to come to at most {shown(box.evidence['always'])}{before}; from then on "
         f"{effects}."
     )
 
@@ -75,11 +74,6 @@ def _assumed_inputs(plant: Plant) -> str:
     blocks = (plant.flow, plant.jump)
     is_bounded = any(block is not None and block.input_bound is not None for block in blocks)
     return "known inputs within input_bound" if is_bounded else ""
-
-
-def _upper(values: Sequence[float]) -> str:
-    """Text of upper bounds: six digits, rounded up."""
-    return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"
 
 
 def _plain(values: Array) -> str:

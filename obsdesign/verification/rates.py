@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 
@@ -90,3 +91,8 @@ def six_digits(value: float, rounding: str) -> str:
     """
     with localcontext(prec=6, rounding=rounding):
         return f"{+Decimal(float(value)):.6g}"
+
+
+def shown(values: Sequence[float] | Array) -> str:
+    """Text of a vector of upper bounds: six digits, rounded up."""
+    return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"

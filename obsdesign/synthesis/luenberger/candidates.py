@@ -46,7 +46,7 @@ from obsdesign.synthesis.luenberger.constrained_flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.discrete_time import step_candidates
 from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
-from obsdesign.synthesis.luenberger.uncertain import with_robust_stability
+from obsdesign.synthesis.luenberger.uncertain import uncertain_candidates
 from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
 from obsdesign.synthesis.time_scale import pace_without_cycles
 
@@ -73,7 +73,7 @@ def synthesize_constrained(
         if reason := reason_against_rate(problem):
             raise InputError(reason)
         own = synthesize_constrained(nominal_problem(problem), constraints, budget)
-        yield from with_robust_stability(problem, own, budget)
+        yield from uncertain_candidates(problem, own, budget)
         return
     refuse_unusable(problem)
     check_schedule(problem)

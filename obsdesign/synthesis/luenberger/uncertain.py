@@ -1,34 +1,71 @@
-"""Candidates for plants with parameters: nominal gains, and stability of the plant."""
+"""Candidates for plants with parameters: nominal gains, and what is proved of the plant."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from lmi.arithmetic.arrays import Entries
+from lmi.arithmetic.arrays import EntriesByClaim
 from lmi.decide.uncertain_stability import decide_uncertain
 from lmi.prove.parameter_cells import certificate_of
-from lmi.solvers import merged
-from lmi.time_budget import TimeBudget
-from obsdesign.analysis.nominal import stability_dwell, stability_family
+from lmi.solvers import Solvers, merged
+from lmi.time_budget import Remark, TimeBudget, ended_part, remark_end
+from obsdesign.analysis.nominal import concerns_plant_alone, stability_dwell, stability_family
+from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.candidate import Candidate, Certificates
+from obsdesign.synthesis.luenberger.error_bound import KnownBox, bound_certificates, known_box
 
 
-def with_robust_stability(
+@dataclass(frozen=True)
+class _Plant:
+    """What is known of a plant by itself: certificates, solvers that they took, and remarks."""
+
+    certificates: EntriesByClaim
+    solvers: Solvers
+    remarks: tuple[Remark, ...]
+
+
+def uncertain_candidates(
     problem: Problem, candidates: Iterator[Candidate], budget: TimeBudget
 ) -> Iterator[Candidate]:
-    """The candidates of the nominal problem, each with what is known of the plant by itself."""
+    """The candidates of the nominal problem, with certificates about the uncertain plant."""
+    plant, box = _stability(problem, budget), known_box(problem)
+    for candidate in candidates:
+        bounds = _bounds(problem, candidate, box)
+        yield replace(
+            candidate,
+            solvers=merged(merged(candidate.solvers, plant.solvers), bounds.solvers),
+            certificates={**candidate.certificates, **plant.certificates, **bounds.evidence},
+            remarks=(*candidate.remarks, *plant.remarks),
+        )
+
+
+def _stability(problem: Problem, budget: TimeBudget) -> _Plant:
+    """Stability of the plant by itself: required where both gains are zero, else useful."""
     family, ends = stability_family(problem.plant), stability_dwell(problem)
     verdict = decide_uncertain(family, *ends, budget=budget)
-    certificate: Entries = verdict.evidence
     if verdict.outcome == "proved":
         certificate = certificate_of(verdict.evidence)
-    if verdict.outcome != "proved":  # no gains change that
-        candidates = itertools.islice(candidates, 1)
-    for candidate in candidates:
-        yield replace(
-            candidate, solvers=merged(candidate.solvers, verdict.solvers),
-            certificates={**candidate.certificates, "robust_stability": certificate},
-        )  # fmt: skip
+        return _Plant({"robust_stability": certificate}, verdict.solvers, ())
+    if concerns_plant_alone(problem):
+        return _Plant({"robust_stability": verdict.evidence}, verdict.solvers, ())
+    if verdict.outcome == "refuted":
+        return _Plant({"robust_instability": verdict.evidence}, (), ())
+    end = ended_part(verdict.evidence)
+    if end:
+        return _Plant({}, (), remark_end("stability of the plant by itself", end))
+    reason = verdict.evidence.get("reason", "no certificate was found")
+    text = f"whether the plant by itself is stable for all its parameters is open: {reason}"
+    return _Plant({}, (), (Remark(text),))
+
+
+def _bounds(problem: Problem, candidate: Candidate, box: KnownBox | None) -> Certificates:
+    """Certificates on the error of a candidate; none where no bound is claimed."""
+    if box is None or not isinstance(candidate.gains, LuenbergerGains):
+        return Certificates()
+    try:
+        return bound_certificates(problem, candidate.gains, candidate.certificates, box)
+    except DoesNotApply:  # a known input without a bound
+        return Certificates()

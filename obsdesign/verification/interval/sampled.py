@@ -23,10 +23,10 @@ from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.interval.width import (
     limit_claim,
     raised_product,
-    shown,
     width_claim,
 )
 from obsdesign.verification.proposal import vectors
+from obsdesign.verification.rates import shown
 
 _MAPS_IN_WORDS = (
     "w+ = |X e^(A s)| w + what f adds over a time s, with X = I between events, X = I - L C (k is "

@@ -19,7 +19,8 @@ from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.equations.uncertain import NormalForm
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability, source_of
-from obsdesign.verification.interval.width import limit_claim, shown, width_claim
+from obsdesign.verification.interval.width import limit_claim, width_claim
+from obsdesign.verification.rates import shown
 
 ID = "source_width"
 _SOURCE = "comparison with the positive system of (|m|, |x - m|), docs/uncertain_plants.md"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from decimal import ROUND_CEILING
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from obsdesign.document import Claim
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.proposal import vectors
-from obsdesign.verification.rates import six_digits
+from obsdesign.verification.rates import shown
 
 
 @dataclass(frozen=True)
@@ -120,11 +119,6 @@ def _constant_dwell_sentence(row: ConstantDwell, measured: str) -> str:
         f"to {shown(row.before_jump)} before jumps, {shown(row.after_jump)} after them and "
         f"{shown(row.mean)} on average: the limits, rounded up."
     )
-
-
-def shown(values: Sequence[float] | Array) -> str:
-    """Text of a vector of upper bounds: six digits, rounded up."""
-    return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"
 
 
 def _proof(system: WidthSystem, ends: tuple[float, float], tube: Tube) -> Verdict:

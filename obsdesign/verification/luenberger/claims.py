@@ -38,9 +38,8 @@ from obsdesign.verification.gain_constraints import (
     witness_within_structure,
 )
 from obsdesign.verification.luenberger.discrete_time import step_claims
-from obsdesign.verification.luenberger.robust_stability import ID as ROBUST
-from obsdesign.verification.luenberger.robust_stability import with_robust_claim
 from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
+from obsdesign.verification.luenberger.uncertain import uncertain_claims
 from obsdesign.verification.rates import rates_claim
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
@@ -57,8 +56,8 @@ def claims(
     """All hypotheses of the design, each with its verdict.
 
     stored: gains as a design file states them; certificates: {"dwell_stability": {"P": n x n},
-    "decay_rate": {"P": n x n}} or windows in place of P, and {"robust_stability": ...} with
-    parameters; all are checked.
+    "decay_rate": {"P": n x n}} or windows in place of P; with parameters also "error_bound",
+    "state_box", "robust_stability" or "robust_instability"; all are checked.
     """
     del budget  # proofs end by their number of boxes
     if problem.plant.flow.dt is not None:
@@ -68,7 +67,7 @@ def claims(
     if reason := reason_against_rate(problem):
         return (inconsistent(reason),)
     nominal = _claims(nominal_problem(problem), stored, certificates, paranoid)
-    return with_robust_claim(problem, nominal, certificates.get(ROBUST, {}))
+    return uncertain_claims(problem, nominal, stored, certificates)
 
 
 def _claims(

@@ -10,7 +10,7 @@ from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import IDS, constraint_sentences
 from obsdesign.verification.luenberger.discrete_time import step_guarantees
-from obsdesign.verification.luenberger.robust_stability import robust_guarantees
+from obsdesign.verification.luenberger.uncertain import uncertain_guarantees, uncertain_warnings
 from obsdesign.verification.rates import rates_sentence
 
 
@@ -27,7 +27,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     at_jumps = plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
     free = absent_signals(plant)
-    sentences = robust_guarantees(problem, needed, when) if plant.parameters else [
+    sentences = [] if plant.parameters else [
         (f"{measured} and without {free}, the estimation error tends to zero{when}.", needed),
         (f"{measured}, bounded {free} leave the estimation error bounded{when}.", needed),
     ]  # fmt: skip
@@ -42,7 +42,14 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     ]
     sentences += constraint_sentences(claims)
     result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
+    if plant.parameters:
+        result = [*uncertain_guarantees(problem, claims, needed, measured, when), *result]
     if not at_jumps:
         sampled = "Convergence for samples at a given spacing is not claimed."
         result.append(Guarantee.not_proved(sampled))
     return tuple(result)
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """What is not proved of a plant with parameters."""
+    return uncertain_warnings(problem, claims) if problem.plant.parameters else ()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 from lmi.arithmetic.arrays import Entries
 from lmi.parameters import AffineFamily
@@ -19,32 +18,17 @@ from lmi.verdict import Verdict, refuted, undecided
 from obsdesign.analysis.nominal import stability_dwell, stability_family
 from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.parameter_ranges import in_units, parameter_ranges
 
 ID = "robust_stability"
+# the same, refuted: a plant may have an observer all the same
+INSTABILITY = "robust_instability"
 _SOURCE = (
     "Briat, Automatica 49 (2013), Theorem 2.4 (c); a matrix of the time since a jump, in exact "
     "arithmetic (docs/uncertain_plants.md)"
 )
-_NOMINAL = ("hurwitz", "dwell_stability")
-
-
-def with_robust_claim(
-    problem: Problem, nominal: tuple[Claim, ...], certificate: Entries
-) -> tuple[Claim, ...]:
-    """The claims about the nominal plant, as such, and robust stability of the plant itself."""
-    middle = "with every parameter in the middle of its range, "
-    named = [
-        replace(claim, statement=middle + claim.statement) if claim.id in _NOMINAL else claim
-        for claim in nominal
-        if claim.id != "rates"  # of an error that nothing drives
-    ]
-    if nominal[0].verdict != "proved":
-        return tuple(named)
-    return (*named, robust_claim(problem, certificate))
 
 
 def robust_claim(problem: Problem, certificate: Entries, factor: float = 1.0) -> Claim:
@@ -99,30 +83,15 @@ def _is_within_jitter(problem: Problem, witness: Entries) -> bool:
     return len(thetas) < 2 or steps_within(thetas, problem.plant.jump.dwell_jitter)
 
 
-def robust_guarantees(
-    problem: Problem, needed: list[str], when: str
-) -> list[tuple[str, list[str]]]:
-    """Sentences about the error of an uncertain plant, with the claims that each needs."""
-    plant = problem.plant
-    ranges, free = f"Assumed: {parameter_ranges(plant)}.", absent_signals(plant)
-    nominal = [name for name in needed if name != ID]
-    sentences = [
-        (f"{ranges} Without {free}, the estimation error tends to zero if the state does{when}.",
-         nominal),
-        (f"{ranges} A bounded state and bounded {free} leave the estimation error bounded{when}.",
-         nominal),
-        (f"{ranges} Bounded inputs, {free} leave state and estimation error bounded{when}.",
-         needed),
-    ]  # fmt: skip
-    if not _is_driven(problem):
-        text = f"{ranges} Without {free}, state and estimation error tend to zero{when}."
-        sentences.insert(0, (text, needed))
-    return sentences
+def instability_claim(problem: Problem, certificate: Entries) -> tuple[Claim, ...]:
+    """Claim that some course of the parameters keeps the plant from tending to zero.
 
-
-def _is_driven(problem: Problem) -> bool:
-    """Has the plant known inputs, or a disturbance around another value than zero?"""
-    flow, jump = problem.plant.flow, problem.plant.jump
-    bounds = [flow.b_bounds] + ([] if jump is None else [jump.c_bounds])
-    is_shifted = any(bool((lower + upper).any()) for lower, upper in bounds)
-    return flow.B is not None or (jump is not None and jump.E is not None) or is_shifted
+    certificate: {"witness": ...}, checked here; no claim where it shows nothing.
+    """
+    claim = robust_claim(problem, certificate)
+    if claim.verdict != "refuted":
+        return ()
+    witness = {key: own for key, own in claim.evidence["witness"].items() if key != "of_all_gains"}
+    statement = f"it is not true that {claim.statement}"
+    verdict = Verdict("proved", {"witness": witness})
+    return (Claim.from_verdict(INSTABILITY, statement, "spectral radius, in balls", verdict),)

@@ -35,6 +35,15 @@ def spring(radius: float = 0.1, **entries: Any) -> Body:
     return copy.deepcopy(body) | copy.deepcopy(entries)
 
 
+def alone(radius: float = 0.1, **entries: Any) -> Body:
+    """The same without any gains: the stability of the plant itself is all it is about."""
+    body = spring(radius, **entries)
+    zero = [[0], [0]]
+    names = ("L", "M") if "jump" in body else ("L",)
+    body["observer"] = {"kind": "luenberger", "gains": dict.fromkeys(names, zero)}
+    return body
+
+
 def stored(body: Body) -> Design:
     """The design of a changed file, whose digest is that of the change."""
     return from_dict({**body, "digest": digest(body)})
@@ -119,8 +128,8 @@ def test_a_changed_certificate_is_not_proved(design: Design) -> None:
         assert robust_claim(Problem.from_dict(spring()), broken).verdict == "undecided"
 
 
-def test_parameters_that_switch_refute_for_all_gains() -> None:
-    result = outcome(spring(0.21))
+def test_parameters_that_switch_refute_the_plant_alone() -> None:
+    result = outcome(alone(0.21))
     assert result.verdict == "refuted"
     witness = robust(result).evidence["witness"]
     assert witness["of_all_gains"]
@@ -137,8 +146,59 @@ def test_parameters_that_switch_refute_for_all_gains() -> None:
     assert radius > 1
 
 
+def test_a_plant_that_is_not_stable_has_an_observer_all_the_same() -> None:
+    """With gains of its own the nominal error decays; that the plant need not is a warning."""
+    result = outcome(spring(0.21))
+    assert result.verdict == "proved"
+    assert result.design is not None
+    claim = next(entry for entry in result.claims if entry.id == "robust_instability")
+    assert "stiffness = 1.21 for" in claim.evidence["witness"]["reason"]
+    assert "of_all_gains" not in claim.evidence["witness"]
+    given = [entry.statement for entry in result.guarantees if entry.given]
+    assert not any("state and estimation error" in text for text in given)
+    assert any("the estimation error tends to zero if the state does" in text for text in given)
+    unstable, unbounded = result.warnings
+    assert unstable.startswith("The plant by itself does not tend to zero")
+    assert unbounded.endswith("it needs bounds of x, [state].")
+    assert verify(stored(result.design.to_dict())).verdict == "proved"
+    # a witness that shows nothing is none: the twin
+    body = result.design.to_dict()
+    entry = next(each for each in body["claims"] if each["id"] == "robust_instability")
+    for stay in entry["evidence"]["witness"]["stays"]:
+        for piece in stay["flow"]:
+            piece["p"] = [0.0]
+    assert verify(stored(body)).verdict != "proved"
+
+
+def test_an_open_stability_of_the_plant_is_a_warning() -> None:
+    result = outcome(spring(0.16))
+    assert result.verdict == "proved"
+    assert result.design is not None
+    assert {claim.id for claim in result.claims} == {"consistent", "dwell_stability"}
+    assert result.warnings[0].startswith("It is not proved that the plant by itself tends to zero")
+    assert "parameters that switch grow by 0.9" in result.result["remarks"][0]
+    assert verify(result.design).verdict == "proved"
+
+
+def test_an_integrator_has_an_observer() -> None:
+    """Position of a carriage, its drag known to a quarter: nothing pulls it back."""
+    body: Body = {
+        "flow": {"A": [[0, 1], [0, -1]]},
+        "output": {"C": [[1, 0]]},
+        "parameter": [{"name": "drag", "range": [-0.25, 0.25], "A": [[0, 0], [0, -1]]}],
+        "observer": {"kind": "luenberger"},
+    }
+    result = outcome(body)
+    assert result.verdict == "proved"
+    assert "robust_stability" not in {claim.id for claim in result.claims}
+    assert result.warnings
+    # the twin: without gains the nominal error does not decay either
+    body["observer"]["gains"] = {"L": [[0], [0]]}
+    assert outcome(body).verdict == "refuted"
+
+
 def test_the_same_range_held_constant_is_proved_in_cells() -> None:
-    body = spring(0.3)
+    body = alone(0.3)
     body["parameter"][0]["constant"] = True
     result = outcome(body)
     assert result.verdict == "proved"
@@ -146,11 +206,11 @@ def test_the_same_range_held_constant_is_proved_in_cells() -> None:
     assert result.design is not None
     assert verify(result.design).verdict == "proved"
     assert "stiffness constant in [0.7, 1.3]" in robust(result).statement
-    assert outcome(spring(0.3)).verdict == "refuted"
+    assert outcome(alone(0.3)).verdict == "refuted"
 
 
 def test_in_between_it_is_undecided_and_says_how_far_it_is() -> None:
-    claim = robust(outcome(spring(0.16)))
+    claim = robust(outcome(alone(0.16)))
     assert claim.verdict == "undecided"
     assert (
         "which is not instability; parameters that switch grow by 0.9" in claim.evidence["reason"]
@@ -159,8 +219,8 @@ def test_in_between_it_is_undecided_and_says_how_far_it_is() -> None:
 
 def test_without_jumps_the_flow_decides() -> None:
     """A spring whose stiffness switches twice a swing needs damping."""
-    body = spring(0.05)
-    del body["jump"]
+    body = alone(0.05)
+    del body["jump"], body["observer"]["gains"]["M"]
     result = outcome(body)
     assert result.verdict == "proved"
     assert "x' = A(p) x, tends to zero" in robust(result).statement
@@ -171,7 +231,7 @@ def test_without_jumps_the_flow_decides() -> None:
 
 
 def test_radii_of_entries_are_parameters() -> None:
-    body = spring()
+    body = alone()
     del body["parameter"]
     body["flow"] = {"A": [[0, 1], [-1, -0.1]], "A_radius": [[0, 0], [0.1, 0]]}
     result = outcome(body)
@@ -182,7 +242,7 @@ def test_radii_of_entries_are_parameters() -> None:
 
 def test_a_word_has_to_change_as_slowly_as_dwell_times_do() -> None:
     """With dwell_jitter, only sequences of dwell times that the problem allows refute."""
-    body = spring(0.21)
+    body = alone(0.21)
     witness = robust(outcome(body)).evidence["witness"]
     first = witness["stays"][0]
     shorter = {"jump": [0.0], "flow": [{"p": [0.0], "duration": 1.0}]}

@@ -1,0 +1,1 @@
+"""Exact facts about the error of point observers."""

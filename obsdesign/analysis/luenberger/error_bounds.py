@@ -1,0 +1,105 @@
+"""What the error of a point observer comes to as time goes on: bounds in balls.
+
+Without jumps |e_i| comes to at most sum_k int_0^inf |(e^(Fs) E)_ik| ds, which some disturbance
+attains. With jumps, the smaller, entry by entry, of a tube of |e|' <= Mz(F) |e| + |E| 1,
+|e+| <= |H| |e| + |K| 1, in which signs are lost, and of what a norm that contracts from jump to
+jump gives.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, exact
+from lmi.bounds.absolute_integral import absolute_integrals
+from lmi.bounds.driven_jumps import DrivenJumps, Radius, driven_bounds, radius_before_jumps
+from lmi.bounds.tube import Tube, prove_tube
+from obsdesign.analysis.luenberger.driven_error import DrivenError
+
+
+@dataclass(frozen=True)
+class ErrorBounds:
+    """|e| comes to at most always (n,), and before_jump (n,) just before jumps; exact."""
+
+    always: Exact
+    before_jump: Exact | None = None
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """|T e^(F theta) H x| <= per_jump |T x| for all dwell times theta; T (n, n). To be proved."""
+
+    T: Matrix
+    per_jump: float
+
+
+def bounds_without_jumps(error: DrivenError) -> ErrorBounds | None:
+    """Bounds of the error of a plant without jumps; None where F is not proved to decay."""
+    integrals = absolute_integrals(error.F, error.E)
+    return None if integrals is None else ErrorBounds(exact(integrals).sum(axis=1))
+
+
+def bounds_with_jumps(
+    error: DrivenError,
+    ends: tuple[float, float],
+    tube: Tube | None,
+    contraction: Contraction | None,
+) -> ErrorBounds | None:
+    """What a tube of |e| and a contraction prove, each None where there is none.
+
+    ends: the shortest and the longest dwell time; the contraction serves finite ones. None where
+    nothing is proved.
+    """
+    if tube is not None and not _is_tube(error, ends, tube):
+        tube = None
+    if math.isinf(ends[1]):
+        return None if tube is None else ErrorBounds(tube.always, tube.before)
+    assert error.H is not None
+    assert error.K is not None
+    system = DrivenJumps(error.F, error.E, error.H, error.K, *ends)
+    around = None if contraction is None else _radius(error, ends, contraction)
+    bounds = driven_bounds(system, None if tube is None else tube.before, around)
+    if bounds is None:
+        return None
+    before, always = map(exact, bounds)
+    return ErrorBounds(always if tube is None else np.minimum(always, tube.always), before)
+
+
+def is_contraction(error: DrivenError, ends: tuple[float, float], contraction: Contraction) -> bool:
+    """Is a contraction proved, for dwell times that have a longest?"""
+    return not math.isinf(ends[1]) and _radius(error, ends, contraction) is not None
+
+
+def comparison_system(error: DrivenError) -> tuple[Exact, Exact, Exact, Exact]:
+    """(W, f, N, h) with |e|' <= W |e| + f, |e+| <= N |e| + h, exact; with jumps."""
+    assert error.H is not None
+    assert error.K is not None
+    W = abs(error.F)
+    np.fill_diagonal(W, np.diag(error.F))
+    return W, _sums(error.E), abs(error.H), _sums(error.K)
+
+
+def _radius(
+    error: DrivenError, ends: tuple[float, float], contraction: Contraction
+) -> Radius | None:
+    assert error.H is not None
+    assert error.K is not None
+    system = DrivenJumps(error.F, error.E, error.H, error.K, *ends)
+    return radius_before_jumps(system, contraction.T, contraction.per_jump)
+
+
+def _sums(columns: Exact) -> Exact:
+    zero = exact(np.zeros((len(columns), 1)))
+    result: Exact = abs(np.hstack([zero, columns])).sum(axis=1)
+    return result
+
+
+def _is_tube(error: DrivenError, ends: tuple[float, float], tube: Tube) -> bool:
+    unit = exact(np.eye(len(error.F)))
+    low, high = ends
+    verdict = prove_tube(*comparison_system(error), unit, tube=tube, low=low, high=high)
+    return verdict.outcome == "proved"

@@ -1,0 +1,103 @@
+"""Bounds of the estimation error as time goes on: the claim `error_bound`, and its sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array, Entries, NewEntries, Value
+from lmi.bounds.tube import Tube
+from lmi.verdict import proved, undecided
+from obsdesign.analysis.luenberger.driven_error import DrivenError
+from obsdesign.analysis.luenberger.error_bounds import (
+    Contraction,
+    ErrorBounds,
+    bounds_with_jumps,
+    bounds_without_jumps,
+)
+from obsdesign.document import Claim
+from obsdesign.verification.dwell import Dwell, matrix_of
+from obsdesign.verification.proposal import Proposal, vectors
+from obsdesign.verification.rates import shown
+
+ID = "error_bound"
+_TUBE = ("tube", "after_jump", "before_jump", "always")
+_SOURCE = "variation of constants; tube, and contraction from jump to jump"
+
+
+@dataclass(frozen=True)
+class ErrorCertificate(Proposal):
+    """always, before_jump (n,): the bounds; tube: of |e|; T (n, n), per_jump: a contraction."""
+
+    always: Value = None
+    before_jump: Value = None
+    tube: Value = None
+    T: Value = None
+    per_jump: Value = None
+
+    def stated(self) -> NewEntries:
+        """The entries that are there."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+def error_bound_claim(
+    error: DrivenError, dwell: Dwell | None, proposed: Entries, drive: str
+) -> tuple[Claim, ...]:
+    """Claim of the proposed bounds of |e|; no claim where there is no proposal.
+
+    dwell: None without jumps; drive: what may act, in words. The proposal is checked here.
+    """
+    names = ("always",) if dwell is None else ("always", "before_jump")
+    bounds = vectors(proposed, names, len(error.F))
+    if bounds is None:
+        return ()
+    certificate = ErrorCertificate.from_document(proposed)
+    verdict = undecided("the proposed bounds are smaller than those that are proved")
+    proof = _proof(error, dwell, certificate)
+    if proof is None:
+        verdict = undecided("the certificate proves no bounds")
+    elif _are_above(bounds, proof):
+        verdict = proved(**certificate.stated())
+    when, at_jumps = "as time goes on", ""
+    if dwell is not None:
+        when = f"as jumps go on, for every sequence of dwell times in {dwell}"
+        at_jumps = ", and to before_jump just before jumps"
+    statement = f"{when}, |x - x_hat| comes to at most `always`{at_jumps}: {drive}"
+    return (Claim.from_verdict(ID, statement, _SOURCE, verdict),)
+
+
+def _are_above(bounds: tuple[Array, ...], proof: ErrorBounds) -> bool:
+    pairs = zip(bounds, (proof.always, proof.before_jump), strict=False)
+    return all(bool((stated >= least).all()) for stated, least in pairs)
+
+
+def _proof(
+    error: DrivenError, dwell: Dwell | None, certificate: ErrorCertificate
+) -> ErrorBounds | None:
+    if dwell is None:
+        return bounds_without_jumps(error)
+    n = len(error.F)
+    tube = certificate.tube
+    entries = vectors(tube, _TUBE, n) if isinstance(tube, dict) else None
+    T, per_jump = matrix_of(certificate.T, n), certificate.per_jump
+    contraction = None
+    if T is not None and np.isfinite(T).all() and isinstance(per_jump, float):
+        contraction = Contraction(T, per_jump)
+    proposed = None if entries is None else Tube(*entries)
+    return bounds_with_jumps(error, (dwell.low, dwell.high), proposed, contraction)
+
+
+def bound_sentence(
+    claims: tuple[Claim, ...], measured: str, is_noisy: bool
+) -> list[tuple[str, list[str]]]:
+    """The guarantee of a proved bound of the error, and the claims that it rests on."""
+    evidence = [c.evidence for c in claims if c.id == ID and c.verdict == "proved"]
+    if not evidence:
+        return []
+    always, before = evidence[0]["always"], evidence[0].get("before_jump")
+    noise = "" if is_noisy else " without noise"
+    text = f"{measured}{noise}, the estimation error comes to at most {shown(always)}"
+    if before is not None:
+        text += f" as jumps go on, {shown(before)} just before them"
+    return [(f"{text}.", [ID])]

@@ -1,0 +1,260 @@
+"""Bounds of the error of uncertain plants: their numbers, their certificates, and simulations."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+
+from obsdesign.data.simulation import simulate
+from obsdesign.design_file import from_dict
+from obsdesign.document import Claim, Design, digest
+from obsdesign.problem.problem import Problem
+from obsdesign.runtime import from_design
+from obsdesign.workflow import Outcome, investigate, verify
+from tests.systems.parameters import Body
+
+
+def spring(L: tuple[float, float] | None = None, **entries: Any) -> Body:
+    """Spring and damper with stiffness 1 +- 0.2 and a position of at most 1.2."""
+    body: Body = {
+        "flow": {
+            "A": [[0, 1], [0, -0.4]],
+            "disturbance": {"lower": [0, -0.05], "upper": [0, 0.05]},
+        },
+        "output": {"C": [[1, 0]], "noise_bound": [0.01]},
+        "parameter": [{"name": "stiffness", "range": [0.8, 1.2], "A": [[0, 0], [-1, 0]]}],
+        "state": {"lower": [-1.2, -3], "upper": [1.2, 3]},
+        "observer": {"kind": "luenberger"},
+    }
+    body = copy.deepcopy(body) | copy.deepcopy(entries)
+    if L is not None:
+        body["observer"]["gains"] = {"L": [[value] for value in L]}
+    return body
+
+
+def kicked(**entries: Any) -> Body:
+    """The same, kicked every 2 to 6 time units."""
+    jump = {
+        "G": [[1, 0], [0, 1]],
+        "dwell_time": [2, 6],
+        "disturbance": {"lower": [0, -0.3], "upper": [0, 0.3]},
+    }
+    return spring(jump=jump, **entries)
+
+
+def outcome(body: Body) -> Outcome:
+    return investigate(Problem.from_dict(body))
+
+
+def bound(result: Outcome) -> Claim:
+    return next(claim for claim in result.claims if claim.id == "error_bound")
+
+
+def designed(body: Body) -> Design:
+    result = outcome(body)
+    assert result.verdict == "proved"
+    assert result.design is not None
+    return result.design
+
+
+def stored(body: Body) -> Design:
+    return from_dict({**body, "digest": digest(body)})
+
+
+def evidence_of(body: Body, name: str = "error_bound") -> Body:
+    entry: Body = next(claim for claim in body["claims"] if claim["id"] == name)["evidence"]
+    return entry
+
+
+@pytest.mark.parametrize(
+    ("L", "expected"),
+    [
+        ((7.09, 19.8), (0.02600, 0.13068)),
+        ((2.0, -1.0), (0.37746, 0.75000)),
+        ((0.0, 0.0), (0.93523, 0.92644)),
+        ((13.9, 59.2), (0.01730, 0.12116)),
+    ],
+)
+def test_numbers_of_the_spring(L: tuple[float, float], expected: tuple[float, float]) -> None:
+    """Sum over columns of int |e^(Fs) E| ds, here by the midpoint rule."""
+    always = bound(outcome(spring(L))).evidence["always"]
+    assert always == pytest.approx(expected, rel=2e-3)
+    assert (np.array(always) > np.array(expected) * (1 - 1e-3)).all()
+
+
+def test_an_attaining_disturbance_comes_close_to_the_bound() -> None:
+    """The worst signs of parameter, disturbance and noise, computed backwards from the end."""
+    always = bound(outcome(spring((2.0, -1.0)))).evidence["always"]
+    step, count = 1e-3, 30_000
+    F = np.array([[-2.0, 1.0], [0.0, -0.4]])
+    E = np.array([[0.0, 0.0, -0.02], [0.24, 0.05, 0.01]])
+    for i in range(2):
+        costate, courses = np.eye(2)[i], []
+        for _ in range(count):
+            courses.append(np.sign(costate @ E))
+            costate = costate + step * costate @ F
+        e = np.zeros(2)
+        for d in reversed(courses):
+            e = e + step * (F @ e + E @ d)
+        assert 0.99 * always[i] < e[i] <= always[i] * 1.001
+
+
+def test_effects_on_one_direction_cancel() -> None:
+    """Two rooms that exchange heat: their difference counts, at most 6 degrees, not 24."""
+    body: Body = {
+        "flow": {"A": [[-0.1, 0], [0, -0.15]], "disturbance": {"lower": [2.2, 2.6], "upper": [2.2, 2.6]}},
+        "output": {"C": [[1, 0]], "noise_bound": [0.05]},
+        "parameter": [{"name": "exchange", "range": [0.5, 1.5], "A": [[-1, 1], [1, -1]]}],
+        "state": {"lower": [18, 18], "upper": [24, 24]},
+        "observer": {"kind": "luenberger", "gains": {"L": [[3], [0.5]]}},
+    }  # fmt: skip
+    together = bound(outcome(body)).evidence["always"]
+    body["flow"] |= {"A": [[-1.1, 1], [1, -1.15]], "A_radius": [[0.5, 0.5], [0.5, 0.5]]}
+    del body["parameter"]
+    apart = bound(outcome(body)).evidence["always"]
+    assert (np.array(apart) > 5 * np.array(together)).all()
+
+
+@pytest.mark.parametrize("body", [spring(), kicked()], ids=["flow", "kicked"])
+def test_a_design_verifies_from_its_file_and_no_smaller_bound_does(body: Body) -> None:
+    design = designed(body)
+    stated = design.to_dict()
+    assert verify(stored(stated)).verdict == "proved"
+    assumed = next(
+        entry.statement for entry in design.guarantees if "comes to at" in entry.statement
+    )
+    assert assumed.startswith(
+        "Assumed: stiffness in [0.8, 1.2]; x from (-1.2, -3) to (1.2, 3) at every instant, as "
+        "[state] says."
+    )
+    for name in ("always", "before_jump"):
+        for i in range(2):
+            changed = copy.deepcopy(stated)
+            if name in evidence_of(changed):
+                evidence_of(changed)[name][i] *= 0.99
+                result = verify(stored(changed))
+                assert result.verdict != "proved"
+                assert bound(result).verdict == "undecided"
+
+
+@pytest.mark.parametrize(
+    ("block", "change"),
+    [
+        ("parameter", {"range": [0.6, 1.4]}),  # the same middle
+        ("output", {"noise_bound": [0.05]}),
+        ("flow", {"disturbance": {"lower": [0, -0.2], "upper": [0, 0.2]}}),
+        ("state", {"lower": [-2, -3], "upper": [2, 3]}),
+        ("jump", {"disturbance": {"lower": [0, -0.6], "upper": [0, 0.6]}}),
+        ("jump", {"dwell_time": [0.5, 6]}),
+    ],
+)
+def test_whatever_acts_more_is_not_covered_by_the_bound(block: str, change: Body) -> None:
+    stated = designed(kicked()).to_dict()
+    problem = stated["problem"]
+    target = problem[block][0] if block == "parameter" else problem[block]
+    target |= change
+    # gains of the same problem, so that the bound alone is at stake
+    for name, place in (("noise_bound", "output"), ("dwell_time", "jump")):
+        if name in change:
+            stated["gains"][name] = problem[place][name]
+    for name in ("flow", "jump"):
+        if "disturbance" in problem[name]:
+            for end in ("lower", "upper"):
+                stated["gains"][f"{name}_{end}"] = problem[name]["disturbance"][end]
+    result = verify(stored(stated))
+    claims = {claim.id: claim.verdict for claim in result.claims}
+    assert claims["consistent"] == "proved"
+    assert claims["error_bound"] == "undecided"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("T", [[1.0, 0.0], [0.0, 1.0]]),
+        ("T", [[1.0, 0.0], [1.0, 0.0]]),
+        ("per_jump", 0.01),
+        ("per_jump", -1.0),
+    ],
+)
+def test_a_forged_norm_proves_nothing(name: str, value: Any) -> None:
+    stated = designed(kicked()).to_dict()
+    assert "tube" not in evidence_of(stated)  # signs matter: it oscillates
+    evidence_of(stated)[name] = value
+    assert bound(verify(stored(stated))).verdict == "undecided"
+
+
+def test_a_forged_tube_proves_nothing() -> None:
+    body = kicked()
+    body["jump"] |= {"G": [[0.5, 0], [0, 0.5]], "dwell_time": [0.5, "inf"]}
+    body["flow"]["A"] = [[-1, 0], [1, -1]]
+    body["parameter"][0] |= {"range": [0.9, 1.1], "A": [[0, 0], [1, 0]]}
+    stated = designed(body).to_dict()
+    assert "T" not in evidence_of(stated)  # there is no longest dwell time
+    assert verify(stored(stated)).verdict == "proved"
+    tube = evidence_of(stated)["tube"]
+    evidence_of(stated)["tube"] = {key: [0.5 * x for x in own] for key, own in tube.items()}
+    evidence_of(stated)["always"] = tube["before_jump"]
+    assert bound(verify(stored(stated))).verdict == "undecided"
+
+
+@pytest.mark.parametrize("body", [spring((2.0, -1.0)), kicked()], ids=["flow", "kicked"])
+def test_errors_of_simulations_stay_within_the_bound(body: Body) -> None:
+    design = designed(body)
+    always = np.array(evidence_of(design.to_dict())["always"])
+    problem, observer = Problem.from_dict(body), from_design(design)
+    for seed in range(3):
+        run = simulate(
+            problem.plant, disturbance="extreme", rng=np.random.default_rng(seed), until=80,
+            step=0.01, parameters="bang-bang", initial=np.array([0.2, 0.1]),
+        )  # fmt: skip
+        batch = observer.run_batch(run.t, run.block("y"), None, None, run.happened)
+        inside = np.abs(run.block("x")).max(axis=0) <= [1.2, 3]
+        assert inside.all()
+        error = np.abs(batch.x - run.block("x"))[len(run.t) // 2 :]
+        assert (error <= always).all()
+
+
+def test_a_proved_box_serves_where_none_is_stated() -> None:
+    body = kicked()
+    del body["state"]
+    body["flow"]["A"] = [[-0.5, 0.1], [0, -0.6]]
+    body["parameter"][0] |= {"range": [-0.2, 0.2], "A": [[0, 0], [1, 0]]}
+    body["jump"]["G"] = [[0.5, 0], [0, 0.5]]
+    design = designed(body)
+    assert verify(stored(design.to_dict())).verdict == "proved"
+    sentence = next(e.statement for e in design.guarantees if "comes to at" in e.statement)
+    assert "|x| is proved to come to at most" in sentence
+    changed = design.to_dict()
+    evidence_of(changed, "state_box")["always"] = [0.1, 0.1]
+    assert verify(stored(changed)).verdict != "proved"
+    # without anything that drives it the state tends to zero, and the error with it
+    for block in ("flow", "jump"):
+        del body[block]["disturbance"]
+    assert not any(claim.id == "error_bound" for claim in outcome(body).claims)
+
+
+def test_a_known_input_needs_a_bound_where_it_is_uncertain() -> None:
+    body = spring()
+    body["flow"] |= {"B": [[0], [1]], "input_bound": [2.0]}
+    body["parameter"].append({"name": "motor", "range": [0.9, 1.1], "B": [[0], [1]]})
+    with_motor = np.array(bound(outcome(body)).evidence["always"])
+    assert (with_motor > np.array(bound(outcome(spring())).evidence["always"])).all()
+    del body["flow"]["input_bound"]
+    result = outcome(body)
+    assert result.verdict == "proved"
+    assert not any(claim.id == "error_bound" for claim in result.claims)
+
+
+def test_a_middle_that_is_no_float_counts() -> None:
+    """The nominal A is rounded; what it lacks of the exact middle is an effect too."""
+    body = spring((2.0, -1.0))
+    body["parameter"][0]["range"] = [1.1, 1.1]
+    body["flow"].pop("disturbance")
+    body["output"].pop("noise_bound")
+    body["flow"]["A"] = [[0, 1], [0.1, -0.4]]
+    always = np.array(bound(outcome(body)).evidence["always"])
+    assert (always > 0).all()
+    assert (always < 1e-15).all()
