@@ -84,11 +84,11 @@ def _integrals(F: Exact, E: Exact) -> Matrix | None:
             time = time + _CELLS * length
             start = exp_times(F, time) * ball(E)
             left = remainder(start)
-            best = np.minimum(best, _above(total + left))
+            best = np.fmin(best, _above(total + left))
             if (_above(left) <= _REMAINDER * best).all():
                 break
             length = 2 * length
-    return best
+    return best if np.isfinite(best).all() else None
 
 
 def cells(F: Exact, first: Balls, time: Rational, length: Rational, count: int) -> Iterator[Cell]:

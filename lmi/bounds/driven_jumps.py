@@ -13,7 +13,8 @@ just before jumps, of which the smaller is kept.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,8 +39,8 @@ from lmi.bounds.absolute_integral import cells
 from lmi.prove.common_matrix import prove_common
 
 _BITS = 160
-# cells span this much of 1 / ||F||, unless there would be too many of them
-_REACH, _FEWEST, _MOST = 2.0**-5, 64, 400
+# cells span from this much to that much of 1 / ||F||, unless there would be too many of them
+_REACH, _LONGEST, _CELLS, _MOST = 2.0**-5, 2.0, 64, 700
 _REPEATS = 20
 
 
@@ -99,6 +100,7 @@ def driven_bounds(
     """(before, always): bounds of |e| just before jumps, and at any time; (n,) floats.
 
     before (n,) exact, around: what is known just before jumps; None where nothing is.
+    None where balls grow too wide.
     """
     if before is None and around is None:
         return None
@@ -109,23 +111,24 @@ def driven_bounds(
         r = _first(before, back, radius)
         for _ in range(_REPEATS):
             last = _reached([step for step in steps if step.is_last], r, radius)
-            smaller = np.array([min(pair) for pair in zip(r, last, strict=True)])
+            smaller = np.array([a.min(b) for a, b in zip(r, last, strict=True)])
             is_settled = all(new > old * 0.9999 for new, old in zip(smaller, r, strict=True))
             r = smaller
             if is_settled:
                 break
-        always = _reached(steps, r, radius)
-        return _floats(r), _floats(always)
+        bounds = _floats(r), _floats(_reached(steps, r, radius))
+    return bounds if np.isfinite(bounds).all() else None
 
 
 def _first(before: Exact | None, back: Exact, radius: Ball | None) -> Exact:
     """The bounds just before jumps that are known at first."""
-    boxes = []
-    if before is not None:
-        boxes.append([scalar(value).abs_upper() for value in before])
-    if radius is not None:
-        boxes.append([(x * radius).abs_upper() for x in _row_norms(entries(ball(back)))])
-    return np.array([min(column) for column in zip(*boxes, strict=True)])
+    box = None if before is None else [scalar(value).abs_upper() for value in before]
+    if radius is None:
+        return np.array(box)
+    around = [(x * radius).abs_upper() for x in _row_norms(entries(ball(back)))]
+    if box is None:
+        return np.array(around)
+    return np.array([a.min(b) for a, b in zip(box, around, strict=True)])
 
 
 def _steps(system: DrivenJumps, back: Exact) -> list[_Step]:
@@ -134,11 +137,7 @@ def _steps(system: DrivenJumps, back: Exact) -> list[_Step]:
     columns = np.hstack([system.H, system.H @ back, system.K, system.E])
     split = np.cumsum([n, n, system.K.shape[1]])
     sums, steps = np.array([scalar(0)] * n), list[_Step]()
-    low, high = rational(system.low), rational(system.high)
-    for start, end, is_last in ((rational(0.0), low, False), (low, high, True)):
-        if end == start and not is_last:
-            continue
-        length, count = _lengths(F, end - start, high)
+    for start, length, count, is_last in _stages(F, system.low, system.high):
         for cell in cells(F, exp_times(F, start) * ball(columns), start, length, count):
             mapped, turned, kicked, _ = np.hsplit(cell.largest, split)
             sums = _uppers(sums + _row_sums(np.hsplit(cell.integral, split)[3]))
@@ -146,13 +145,26 @@ def _steps(system: DrivenJumps, back: Exact) -> list[_Step]:
     return steps
 
 
-def _lengths(F: Exact, span: Rational, whole: Rational) -> tuple[Rational, int]:
-    """Length and number of cells of a part of the times."""
-    size = float(np.abs(to_float(F)).sum(axis=1).max(initial=0.0))
-    share = float(span / whole) if whole else 1.0
-    most = max(1, round(share * _MOST))
-    count = min(most, max(1, round(share * _FEWEST), round(float(span) * size / _REACH)))
-    return span / count, count
+def _stages(F: Exact, low: float, high: float) -> Iterator[tuple[Rational, Rational, int, bool]]:
+    """Start, length and number of cells, and whether a jump may happen there, up to `high`.
+
+    Lengths double as fast modes decay, up to where e^(Fs) can still be enclosed on a cell.
+    """
+    size = float(np.abs(to_float(F)).sum(axis=1).max(initial=0.0)) or 1.0
+    start, longest = rational(0.0), rational(_LONGEST / size)
+    length, used = rational(min(_REACH / size, high / _CELLS or 1.0)), 0
+    for end, is_last in ((rational(low), False), (rational(high), True)):
+        while start < end or (is_last and start == end == rational(low)):
+            left = end - start
+            count = _CELLS if used < _MOST else _MOST
+            if left <= count * length or used >= _MOST:
+                count = min(count, max(1, math.ceil(float(left / length))))
+                yield start, left / count, count, is_last
+                start = end
+                break
+            yield start, length, count, is_last
+            start, used = start + count * length, used + count
+            length = min(2 * length, longest)
 
 
 def _reached(steps: Sequence[_Step], r: Exact, radius: Ball | None) -> Exact:
@@ -162,7 +174,7 @@ def _reached(steps: Sequence[_Step], r: Exact, radius: Ball | None) -> Exact:
         mapped = step.mapped @ r
         if radius is not None:
             pairs = zip(mapped, _row_norms(step.turned), strict=True)
-            mapped = np.array([min(box, (norm * radius).abs_upper()) for box, norm in pairs])
+            mapped = np.array([box.min((norm * radius).abs_upper()) for box, norm in pairs])
         values.append(mapped + step.added)
     return _largest(values)
 
@@ -179,7 +191,7 @@ def _largest(values: Sequence[Exact]) -> Exact:
     """The largest of several vectors, entry by entry, from above."""
     result = _uppers(values[0])
     for other in values[1:]:
-        result = np.array([max(pair) for pair in zip(result, _uppers(other), strict=True)])
+        result = np.array([a.max(b) for a, b in zip(result, _uppers(other), strict=True)])
     return result
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from lmi.arithmetic.arrays import NewEntries
 from lmi.arithmetic.balls import exact
 from lmi.parameters import MOST_PARAMETERS, AffineFamily
-from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.document import jsonable
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.uncertain import NormalForm, rounded
@@ -77,13 +76,6 @@ def reason_against_rate(problem: Problem) -> str | None:
             "what the state adds to it."
         )
     return None
-
-
-def reason_against_error_bound(problem: Problem) -> str | None:
-    """Reason against a bound of the error of a point observer, or None."""
-    if problem.options_as(LuenbergerOptions).schedule is not None:
-        return "gains at jumps that follow a schedule have no error_bound"
-    return reason_against_unbounded(problem.plant, "luenberger")
 
 
 def concerns_plant_alone(problem: Problem) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.balls import Exact, exact, rank_factors
 from obsdesign.analysis.folded import StateBounds, require_input_bounds
+from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     jump_disturbance_matrix,
@@ -25,7 +26,10 @@ from obsdesign.equations.estimation_error import (
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.plant import Disturbed
 from obsdesign.equations.uncertain import MATRICES, Effect, NormalForm
+from obsdesign.errors import DoesNotApply
+from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -73,10 +77,8 @@ class _Box:
 def driven_error(plant: Plant, gains: LuenbergerGains, bounds: StateBounds | None) -> DrivenError:
     """The driven error of a design; bounds: of x, None where the plant has no parameters.
 
-    Noise counts where noise_bound states it. DoesNotApply where a parameter acts on a known input
-    without a bound.
+    Noise counts where noise_bound states it. `reason_against_error_bound` must give none.
     """
-    require_input_bounds(plant)
     L, C = exact(gains.L), exact(gains.C)
     F = flow_error_matrix(exact(gains.A), L, C)
     form = NormalForm.from_plant(plant, exact)
@@ -93,6 +95,17 @@ def driven_error(plant: Plant, gains: LuenbergerGains, bounds: StateBounds | Non
     if bounds is not None:
         kicks += _jump_effects(plant, _effects(form, gains), bounds, gains)
     return DrivenError(F, np.hstack(flow), H, np.hstack(kicks))
+
+
+def reason_against_error_bound(problem: Problem) -> str | None:
+    """Reason against any bound of the error of a point observer, or None."""
+    if problem.options_as(LuenbergerOptions).schedule is not None:
+        return "gains at jumps that follow a schedule have no error_bound."
+    try:
+        require_input_bounds(problem.plant)
+    except DoesNotApply as error:
+        return str(error)
+    return reason_against_unbounded(problem.plant, "luenberger")
 
 
 def _flow_effects(

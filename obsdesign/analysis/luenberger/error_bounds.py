@@ -64,7 +64,7 @@ def bounds_with_jumps(
     around = None if contraction is None else _radius(error, ends, contraction)
     bounds = driven_bounds(system, None if tube is None else tube.before, around)
     if bounds is None:
-        return None
+        return None if tube is None else ErrorBounds(tube.always, tube.before)
     before, always = map(exact, bounds)
     return ErrorBounds(always if tube is None else np.minimum(always, tube.always), before)
 

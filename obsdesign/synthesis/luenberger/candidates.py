@@ -44,7 +44,9 @@ from obsdesign.synthesis.given_gains import (
 )
 from obsdesign.synthesis.luenberger.constrained_flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.discrete_time import step_candidates
+from obsdesign.synthesis.luenberger.error_bound import known_box
 from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
+from obsdesign.synthesis.luenberger.peak_gains import DrivenPlant, is_noisy, peak_gains
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
 from obsdesign.synthesis.luenberger.uncertain import uncertain_candidates
 from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
@@ -72,8 +74,12 @@ def synthesize_constrained(
     if problem.plant.parameters:
         if reason := reason_against_rate(problem):
             raise InputError(reason)
-        own = synthesize_constrained(nominal_problem(problem), constraints, budget)
-        yield from uncertain_candidates(problem, own, budget)
+        own, box = nominal_problem(problem), known_box(problem)
+        candidates = synthesize_constrained(own, constraints, budget)
+        if box is not None and is_noisy(own.plant) and _is_L_free(own, constraints):
+            driven = DrivenPlant.from_box(problem.plant, own.plant, box)
+            candidates = itertools.chain(_peak_candidates(own, driven, budget), candidates)
+        yield from uncertain_candidates(problem, candidates, box, budget)
         return
     refuse_unusable(problem)
     check_schedule(problem)
@@ -94,6 +100,24 @@ def synthesize_constrained(
             remarks=(*remarks, *candidate.remarks),
             solvers=merged(L_solvers, candidate.solvers),
         )
+
+
+def _is_L_free(problem: Problem, constraints: UserConstraints | None) -> bool:
+    """Is L open, with nothing stated that chooses or restricts it?"""
+    options = problem.options_as(LuenbergerOptions)
+    is_chosen = options.poles is not None or bool(options.weights)
+    is_open = given_gain(problem, "L") is None and not is_chosen
+    return is_open and all(own.is_free() for own in convex_gains(options, constraints).values())
+
+
+def _peak_candidates(
+    problem: Problem, driven: DrivenPlant, budget: TimeBudget
+) -> Iterator[Candidate]:
+    """Candidates with gains against bounded disturbances; problem: without parameters."""
+    wanted = convex_gains(problem.options_as(LuenbergerOptions), None)
+    for label, L in peak_gains(driven):
+        candidate = _with_jump_gain(problem, label, L, wanted["M"], budget)
+        yield replace(candidate, searched=True, solvers=merged(("Clarabel",), candidate.solvers))
 
 
 def _with_jump_gain(

@@ -8,12 +8,16 @@ from typing import cast
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.bounds.tube import Tube
 from lmi.solvers import Solvers, merged
 from obsdesign.analysis.folded import StateBounds, absolute_plant
-from obsdesign.analysis.luenberger.driven_error import DrivenError, driven_error
+from obsdesign.analysis.luenberger.driven_error import (
+    DrivenError,
+    driven_error,
+    reason_against_error_bound,
+)
 from obsdesign.analysis.luenberger.error_bounds import (
     Contraction,
     ErrorBounds,
@@ -22,7 +26,7 @@ from obsdesign.analysis.luenberger.error_bounds import (
     comparison_system,
     is_contraction,
 )
-from obsdesign.analysis.nominal import reason_against_error_bound, stability_dwell
+from obsdesign.analysis.nominal import stability_dwell
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.plant import Plant
@@ -44,6 +48,12 @@ class KnownBox:
     bounds: StateBounds
     certificates: EntriesByClaim = field(default_factory=dict)
     solvers: Solvers = ()
+
+    @property
+    def units(self) -> Matrix:
+        """Half-widths of the box (n,), in which bounds of the error are added."""
+        half: Matrix = (self.bounds.upper - self.bounds.lower) / 2
+        return np.where(half > 0, half, half.max(initial=0.0) or 1.0)
 
 
 def known_box(problem: Problem) -> KnownBox | None:
@@ -67,7 +77,7 @@ def bound_certificates(
 ) -> Certificates:
     """Certificates of the claims on the box and on the error; none where no bound is proved.
 
-    known: certificates of the nominal error. DoesNotApply where a known input has no bound.
+    known: certificates of the nominal error.
     """
     error = driven_error(problem.plant, gains, box.bounds)
     entries: Entries

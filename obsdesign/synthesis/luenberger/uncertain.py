@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from lmi.arithmetic.arrays import EntriesByClaim
 from lmi.decide.uncertain_stability import decide_uncertain
@@ -12,10 +15,13 @@ from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark, TimeBudget, ended_part, remark_end
 from obsdesign.analysis.nominal import concerns_plant_alone, stability_dwell, stability_family
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
-from obsdesign.synthesis.luenberger.error_bound import KnownBox, bound_certificates, known_box
+from obsdesign.synthesis.luenberger.error_bound import KnownBox, bound_certificates
+from obsdesign.synthesis.luenberger.peak_gains import is_noisy
+
+# candidates whose bounds are compared: the others are tried where none of these is proved
+_COMPARED = 3
 
 
 @dataclass(frozen=True)
@@ -28,14 +34,21 @@ class _Plant:
 
 
 def uncertain_candidates(
-    problem: Problem, candidates: Iterator[Candidate], budget: TimeBudget
+    problem: Problem, candidates: Iterator[Candidate], box: KnownBox | None, budget: TimeBudget
 ) -> Iterator[Candidate]:
-    """The candidates of the nominal problem, with certificates about the uncertain plant."""
-    plant, box = _stability(problem, budget), known_box(problem)
-    for candidate in candidates:
+    """The candidates of the nominal problem, with certificates about the uncertain plant.
+
+    In a box the first few are compared by their proved bounds, in units of the box; not without
+    noise, where the fastest gain would always win.
+    """
+    plant = _stability(problem, budget)
+    is_compared = box is not None and is_noisy(problem.plant)
+    for place, candidate in enumerate(candidates):
         bounds = _bounds(problem, candidate, box)
         yield replace(
             candidate,
+            cost=_cost(bounds.evidence, box) if box is not None and is_compared else None,
+            goes_on=is_compared and candidate.searched and place < _COMPARED - 1,
             solvers=merged(merged(candidate.solvers, plant.solvers), bounds.solvers),
             certificates={**candidate.certificates, **plant.certificates, **bounds.evidence},
             remarks=(*candidate.remarks, *plant.remarks),
@@ -61,11 +74,15 @@ def _stability(problem: Problem, budget: TimeBudget) -> _Plant:
     return _Plant({}, (), (Remark(text),))
 
 
+def _cost(certificates: EntriesByClaim, box: KnownBox) -> float:
+    """Sum of the bounds of the error in units of the box; infinite without any."""
+    if "error_bound" not in certificates:
+        return math.inf
+    return float((np.array(certificates["error_bound"]["always"]) / box.units).sum())
+
+
 def _bounds(problem: Problem, candidate: Candidate, box: KnownBox | None) -> Certificates:
     """Certificates on the error of a candidate; none where no bound is claimed."""
     if box is None or not isinstance(candidate.gains, LuenbergerGains):
         return Certificates()
-    try:
-        return bound_certificates(problem, candidate.gains, candidate.certificates, box)
-    except DoesNotApply:  # a known input without a bound
-        return Certificates()
+    return bound_certificates(problem, candidate.gains, candidate.certificates, box)

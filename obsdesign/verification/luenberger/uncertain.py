@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lmi.arithmetic.arrays import Entries, EntriesByClaim
-from obsdesign.analysis.luenberger.driven_error import driven_error
-from obsdesign.analysis.nominal import concerns_plant_alone, reason_against_error_bound
+from obsdesign.analysis.luenberger.driven_error import driven_error, reason_against_error_bound
+from obsdesign.analysis.nominal import concerns_plant_alone
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import DoesNotApply

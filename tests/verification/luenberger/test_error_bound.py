@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lmi.find.peak_to_peak import DisturbedOutput, peak_gain
 from obsdesign.data.simulation import simulate
 from obsdesign.design_file import from_dict
 from obsdesign.document import Claim, Design, digest
@@ -102,6 +103,58 @@ def test_an_attaining_disturbance_comes_close_to_the_bound() -> None:
         assert 0.99 * always[i] < e[i] <= always[i] * 1.001
 
 
+def test_the_inequality_gives_the_gain_of_the_theory() -> None:
+    """Abedor, Nagpal, Poolla (1996) for the spring, at the rate 1.5 and at a better one."""
+    system = DisturbedOutput(
+        np.array([[0, 1], [-1, -0.4]]), np.array([[1.0, 0.0]]),
+        np.array([[0, 0], [0.24, 0.05]]), np.array([0.01]),
+    )  # fmt: skip
+    gain, better = peak_gain(system, 1.5), peak_gain(system, 5.0)
+    assert gain is not None
+    assert better is not None
+    assert gain.L[:, 0] == pytest.approx([7.084, 19.777], rel=1e-3)
+    assert gain.bound == pytest.approx(0.1721, rel=1e-3)
+    assert better.bound == pytest.approx(0.1316, rel=1e-3)
+    # the bound is of every state at once: those by states are smaller
+    always = bound(outcome(spring((7.084, 19.777)))).evidence["always"]
+    assert max(always) < gain.bound
+    assert peak_gain(system, 1e9) is None
+
+
+@pytest.mark.parametrize("body", [spring(), kicked()], ids=["flow", "kicked"])
+def test_open_gains_are_those_of_the_least_proved_bound(body: Body) -> None:
+    units = np.array([1.2, 3])
+    result = outcome(body)
+    assert result.result["form"].startswith("peak-to-peak L, then searched")
+    cost = (np.array(bound(result).evidence["always"]) / units).sum()
+    for L in ((13.9, 59.2), (7.09, 19.8), (2.0, -1.0)):
+        given = spring(L, jump=body["jump"]) if "jump" in body else spring(L)
+        assert cost < (np.array(bound(outcome(given)).evidence["always"]) / units).sum() * 1.001
+
+
+def test_other_units_of_the_file_give_the_same_bound() -> None:
+    body = spring()
+    metres = np.array(bound(outcome(body)).evidence["always"])
+    body["flow"]["A"] = [[0, 1e-3], [0, -0.4]]
+    body["flow"]["disturbance"] = {"lower": [0, -50], "upper": [0, 50]}
+    body["parameter"][0]["A"] = [[0, 0], [-1000, 0]]
+    body["state"] = {"lower": [-1.2, -3000], "upper": [1.2, 3000]}
+    again = np.array(bound(outcome(body)).evidence["always"])
+    assert again == pytest.approx(metres * [1, 1000], rel=2e-2)
+
+
+def test_without_noise_no_gain_is_preferred_for_its_speed() -> None:
+    body = spring()
+    del body["output"]["noise_bound"]
+    result = outcome(body)
+    assert result.result["form"] == "Riccati L"
+    sentence = next(e.statement for e in result.guarantees if "comes to at" in e.statement)
+    assert "continuously without noise" in sentence
+    # what states gains or restricts them is heeded
+    stated = spring(observer={"kind": "luenberger", "poles": [-2, -3]})
+    assert outcome(stated).result["form"] == "placed L"
+
+
 def test_effects_on_one_direction_cancel() -> None:
     """Two rooms that exchange heat: their difference counts, at most 6 degrees, not 24."""
     body: Body = {
@@ -180,7 +233,10 @@ def test_whatever_acts_more_is_not_covered_by_the_bound(block: str, change: Body
     ],
 )
 def test_a_forged_norm_proves_nothing(name: str, value: Any) -> None:
-    stated = designed(kicked()).to_dict()
+    body = kicked()
+    body["observer"]["gains"] = {"L": [[2], [0]], "M": [[0], [0]]}
+    stated = designed(body).to_dict()
+    assert verify(stored(stated)).verdict == "proved"
     assert "tube" not in evidence_of(stated)  # signs matter: it oscillates
     evidence_of(stated)[name] = value
     assert bound(verify(stored(stated))).verdict == "undecided"

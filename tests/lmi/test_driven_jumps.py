@@ -1,0 +1,79 @@
+"""Bounds of driven systems with jumps: above every adversary, and not by orders of magnitude."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from lmi.arithmetic.balls import exact
+from lmi.bounds.driven_jumps import DrivenJumps, Radius, driven_bounds, radius_before_jumps
+from lmi.decide.stability import decide
+from lmi.find.largest_rates import largest_rates
+
+Pair = tuple[np.ndarray, np.ndarray]
+COLUMNS: Pair = (np.array([[0.0], [0.1]]), np.array([[0.0], [0.05]]))
+
+
+def system(pair: Pair, low: float, high: float) -> DrivenJumps:
+    F, H = (exact(X) for X in pair)
+    E, K = (exact(X) for X in COLUMNS)
+    return DrivenJumps(F, E, H, K, low, high)
+
+
+def contraction(pair: Pair, low: float, high: float) -> tuple[np.ndarray, float]:
+    evidence = decide(*pair, low, high).evidence
+    rates = largest_rates(*pair, evidence["P"], low, high)
+    assert rates is not None
+    return np.linalg.cholesky(np.array(rates["P_per_jump"])).T, float(rates["per_jump"])
+
+
+def reached(pair: Pair, thetas: np.ndarray) -> np.ndarray:
+    """The largest |e| just before the last of these stays, from zero, by the worst courses."""
+    F, H = pair
+    E, K = COLUMNS
+    result = np.zeros(2)
+    for i, row in enumerate(np.eye(2)):
+        for theta in thetas[::-1]:
+            times = np.linspace(0, theta, 200)
+            values = [abs(float((row @ expm(F * s) @ E)[0])) for s in times]
+            row = row @ expm(F * theta)
+            result[i] += np.trapezoid(values, times) + abs(float((row @ K)[0]))
+            row = row @ H
+    return result
+
+
+@pytest.mark.parametrize("high", [1.0, 3.0])
+def test_no_course_leaves_the_bounds(high: float) -> None:
+    pair = (np.array([[0, 1], [-1, -0.1]]), np.diag([1, 0.3]))
+    driven = system(pair, 1.0, high)
+    around = radius_before_jumps(driven, *contraction(pair, 1.0, high))
+    bounds = driven_bounds(driven, None, around)
+    assert bounds is not None
+    before, always = bounds
+    assert (always >= before * (1 - 1e-12)).all()
+    rng = np.random.default_rng(5)
+    worst = np.max([reached(pair, rng.uniform(1.0, high, 10)) for _ in range(6)], axis=0)
+    assert (worst <= before).all()
+    assert (before < 4 * worst).all()
+
+
+def test_a_box_is_made_smaller_from_jump_to_jump() -> None:
+    """Where |e^(F theta) H| contracts, the box that is known at first does not matter."""
+    pair = (np.diag([-1.0, -2.0]), np.array([[0.5, 0.1], [0.1, 0.5]]))
+    driven = system(pair, 0.5, 20.0)
+    one, other = (driven_bounds(driven, exact(np.full(2, size)), None) for size in (1.0, 50.0))
+    assert one is not None
+    assert other is not None
+    assert other[0] == pytest.approx(one[0], rel=1e-2)
+    assert (one[0] < 0.2).all()
+
+
+def test_what_is_not_proved_gives_nothing() -> None:
+    pair = (np.array([[0, 1], [-1, -0.1]]), np.diag([1, 0.3]))
+    driven = system(pair, 1.0, 3.0)
+    T, gamma = contraction(pair, 1.0, 3.0)
+    assert driven_bounds(driven, None, None) is None
+    assert isinstance(radius_before_jumps(driven, T, gamma), Radius)
+    for wrong in ((T, 0.9 * gamma), (T, 1.0), (np.eye(2), gamma), (np.ones((2, 2)), gamma)):
+        assert radius_before_jumps(driven, *wrong) is None
