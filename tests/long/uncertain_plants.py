@@ -1,58 +1,91 @@
 """Random plants with parameters that vary: does the state leave its bounds?
 
-    python tests/long/uncertain_plants.py [PLANTS] [FIRST_SEED] [SCALE]    default 5000, 0, 1
+    python tests/long/uncertain_plants.py [PLANTS] [FIRST_SEED] [SCALE] [KIND] [PROCESSES]
 
-Two or three states, A, B, G, E and C uncertain, any gains, coordinates, periodic samples or
-continuous ones, missing samples, the box of the state known or not; parameters adversarial, bang-bang or constant, 40 rows each.
-SCALE above 1: parameters beyond their ranges. Prints the rows, the worst margin relative to the
-width and the seeds of plants that leave their bounds; exits with 1 if any does (SCALE 1), or if
-none does (SCALE above 1).
+Default 5000, 0, 1, interval, 2. Two or three states, A, B, G, E and C uncertain, any gains,
+coordinates, periodic samples, continuous ones or those at jumps alone, missing samples, the box of
+the state known or not; parameters adversarial, bang-bang or constant, 40 rows each. Of
+set_membership windows of 1 to 6 stages. SCALE above 1: parameters beyond their ranges. Prints, for
+each form, the rows, those with finite bounds, the worst margin relative to the width and the seeds
+of plants that leave their bounds; exits with 1 if any does (SCALE 1), or if none does (SCALE above
+1).
 """
 
 from __future__ import annotations
 
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from itertools import repeat
+from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from tests.systems.uncertain_plants import PATTERNS, Play, boxed, course, margins, random_uncertain
+from obsdesign.runtime.bounds_observer import BoundsObserver
+from tests.systems.uncertain_plants import (
+    PATTERNS,
+    Play,
+    boxed,
+    boxed_columns,
+    course,
+    margins,
+    random_uncertain,
+)
 
 ROWS = 40
 # of the simulated truth, relative to the largest state
 ROUNDING = 1e-11
 
 
-def trial(seed: int, scale: float) -> tuple[float, int]:
-    """(worst margin, rows with finite bounds) of a random plant."""
+class Trial(NamedTuple):
+    """A random plant: its form, the worst margin, and the rows with finite bounds."""
+
+    form: str
+    worst: float
+    finite: int
+
+
+def trial(seed: int, scale: float, kind: str) -> Trial:
+    """The bounds of a random plant along one course."""
     rng = np.random.default_rng(seed)
     plant = random_uncertain(rng)
     x = rng.standard_normal(plant.n) * rng.choice([1.0, 10.0])
     play = Play(plant, PATTERNS[seed % len(PATTERNS)], rng, x, scale)
     step, radius = float(rng.choice([0.01, 0.1, 0.3])), rng.choice([0.0, 0.3])
     offset = rng.uniform(-1, 1, plant.n) * radius
-    run = course(play, ROWS, step)
-    known = boxed(plant, run.lower, run.upper) if rng.random() < 0.5 else {}
-    worst, widths = margins(plant.observer(**known), run, x - offset - radius, x - offset + radius)
-    return float(worst.min()), int(np.isfinite(widths).all(axis=1).sum())
+    is_boxed = rng.random() < 0.5
+    is_sparse = plant.G is not None and rng.random() < 0.3
+    run = course(play, ROWS, step, at_jumps=is_sparse)
+    if kind == "interval":
+        observer: BoundsObserver[Any] = plant.observer(
+            **(boxed(plant, run.lower, run.upper) if is_boxed else {})
+        )
+    else:
+        entries = boxed_columns(plant, run.lower, run.upper) if is_boxed else {}
+        observer = plant.set_membership(int(rng.integers(1, 7)), **entries)
+    worst, widths = margins(observer, run, x - offset - radius, x - offset + radius)
+    samples = "periodic" if "period" in plant.gains else "continuous"
+    form = f"{'at_jumps' if is_sparse else samples}{', box' if is_boxed else ''}"
+    return Trial(form, float(worst.min()), int(np.isfinite(widths).all(axis=1).sum()))
 
 
 def main() -> int:
-    plants = int(sys.argv[1]) if len(sys.argv) > 1 else 5000
-    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    scale = float(sys.argv[3]) if len(sys.argv) > 3 else 1.0
+    words = [*sys.argv[1:], *("5000", "0", "1", "interval", "2")[len(sys.argv) - 1 :]]
+    plants, first, processes = int(words[0]), int(words[1]), int(words[4])
     seeds = range(first, first + plants)
-    with ProcessPoolExecutor(2) as pool:
-        trials = list(pool.map(trial, seeds, repeat(scale), chunksize=8))
-    bad = [seed for seed, (worst, _) in zip(seeds, trials, strict=True) if not worst > -ROUNDING]
-    finite = sum(rows for _, rows in trials)
-    print(f"{plants} plants, {plants * ROWS} rows, {finite} with finite bounds; worst margin "
-          f"{min(worst for worst, _ in trials):.1e}; beyond its bounds: {len(bad)} {bad[:10]}")  # fmt: skip
-    return int(bool(bad) == (scale <= 1.0))
+    each = partial(trial, scale=float(words[2]), kind=words[3])
+    with ProcessPoolExecutor(processes) as pool:
+        trials = list(zip(seeds, pool.map(each, seeds, chunksize=8), strict=True))
+    bad = [seed for seed, each in trials if not each.worst > -ROUNDING]
+    for form in sorted({each.form for _, each in trials}):
+        own = [each for _, each in trials if each.form == form]
+        print(f"{words[3]}, {form}: {len(own)} plants, {len(own) * ROWS} rows, "
+              f"{sum(each.finite for each in own)} with finite bounds; worst margin "
+              f"{min(each.worst for each in own):.1e}")  # fmt: skip
+    print(f"{plants} plants, {plants * ROWS} rows; beyond its bounds: {len(bad)} {bad[:10]}")
+    return int(bool(bad) == (float(words[2]) <= 1.0))
 
 
 if __name__ == "__main__":

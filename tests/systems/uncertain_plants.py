@@ -11,7 +11,9 @@ from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.interval import splits
 from obsdesign.runtime.base import Sample
+from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.interval.observer import IntervalObserver
+from obsdesign.runtime.set_membership.uncertain import UncertainSetMembershipObserver
 
 PATTERNS = ("adversarial", "bang-bang", "constant")
 # pieces of a step in which parameters and disturbances are constant
@@ -66,6 +68,15 @@ class Uncertain:
     def observer(self, **more: Any) -> IntervalObserver:
         """The observer of these gains."""
         return IntervalObserver.from_gains(self.entries(**more))
+
+    def set_membership(self, window: int, **more: Any) -> UncertainSetMembershipObserver:
+        """The observer that looks back at a window of stages."""
+        own = self.entries()
+        names = ("A", "B", "C", "G", "E", "noise_bound", "flow_lower", "flow_upper", "jump_lower",
+                 "jump_upper", "effects", "jump_measurement")  # fmt: skip
+        entries = {name: own[name] for name in names if name in own}
+        entries |= {"window": window, "steps": 2, "measured": "continuous"}
+        return UncertainSetMembershipObserver.from_gains(entries | more)
 
     def at(self, key: str, p: Any) -> Any:
         """A(p), B(p), G(p), E(p) or C(p)."""
@@ -156,8 +167,11 @@ class Course:
     upper: Any
 
 
-def course(play: Play, rows: int, step: float) -> Course:
-    """Rows of different lengths, a fifth without a sample, jumps now and then."""
+def course(play: Play, rows: int, step: float, *, at_jumps: bool = False) -> Course:
+    """Rows of different lengths, a fifth without a sample, jumps now and then.
+
+    at_jumps: samples at jumps alone.
+    """
     plant, rng = play.plant, play.rng
     m, inputs = (0 if X is None else X.shape[1] for X in (plant.B, plant.E))
     when = plant.gains["jump_measurement"]
@@ -171,7 +185,8 @@ def course(play: Play, rows: int, step: float) -> Course:
         if jump:
             play.jump(w)
         y = play.measured() if jump and when == "after" else before
-        if rng.random() < 0.2 or (jump and when == "none"):
+        is_missing = rng.random() < 0.2 or (at_jumps and not jump)
+        if is_missing or (jump and when == "none"):
             y = None
         u = rng.uniform(-1, 1, m)
         samples.append(Sample(t, y, u, w if inputs else None, jump))
@@ -180,7 +195,7 @@ def course(play: Play, rows: int, step: float) -> Course:
     return Course(samples, np.array(x), play.lower - spread, play.upper + spread)
 
 
-def margins(observer: IntervalObserver, run: Course, lower: Any, upper: Any) -> tuple[Any, Any]:
+def margins(observer: BoundsObserver[Any], run: Course, lower: Any, upper: Any) -> tuple[Any, Any]:
     """(worst relative margin of the enclosure per row, widths (rows, n)) from bounds at the start.
 
     A margin below zero is a state outside its bounds.
@@ -215,6 +230,20 @@ def boxed(plant: Uncertain, lower: Any, upper: Any) -> dict[str, Any]:
             entries |= {f"{name}_effect": sizes[size],
                         f"{name}_lower": own[0] - own[1] - sizes[size],
                         f"{name}_upper": own[0] + own[1] + sizes[size]}  # fmt: skip
+    return entries
+
+
+def boxed_columns(plant: Uncertain, lower: Any, upper: Any) -> dict[str, Any]:
+    """The same for `set_membership`: bounds of effects along each of their columns."""
+    centre, radius = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    own = plant.set_membership(1).gains
+    entries: dict[str, Any] = {"output_effect": boxed(plant, lower, upper)["output_effect"]}
+    for name, state in (("flow", "A"), ("jump", "G")):
+        if getattr(plant, state) is not None:
+            factors = getattr(own, f"{name}_factors")
+            X, inputs = np.split(factors.rows, [plant.n], axis=1)
+            sizes = np.abs(X @ centre) + np.abs(X) @ radius + np.abs(inputs).sum(axis=1)
+            entries[f"{name}_effect"] = factors.bounds(sizes) * (1 + 1e-12)
     return entries
 
 

@@ -29,15 +29,15 @@ class Factors:
         return np.where(total > 0, total * (1.0 + (2 * len(sizes) + 4) * 2.0**-53), 0.0)
 
 
-def factored(effects: Sequence[Matrix], n: int) -> Factors:
-    """The factors of effects (n, n + inputs), exact."""
+def factored(effects: Sequence[Matrix], shape: tuple[int, int]) -> Factors:
+    """The factors of effects of one shape, (n, n + inputs), exact."""
+    n, width = shape
     columns: dict[tuple[float, ...], int] = {}
     rows, owners = [], []
     for effect in effects:
         for column, row in _factors(effect):
             owners.append(columns.setdefault(tuple(column.tolist()), len(columns)))
             rows.append(row)
-    width = effects[0].shape[1] if effects else n
     of_column = np.zeros((len(columns), len(rows)))
     of_column[owners, np.arange(len(rows))] = 1.0
     listed = np.array(list(columns)).reshape(len(columns), n).T

@@ -98,24 +98,27 @@ class SetMembershipGains(ShapedGains):
     @cached_property
     def flow_factors(self) -> Factors:
         """Effects on the flow, rows of (x, u)."""
-        return factored(self.effects_on("A", "B"), self.n)
+        return factored(self.effects_on("A", "B"), (self.n, self.n + self._inputs("B")))
 
     @cached_property
     def jump_factors(self) -> Factors:
         """Effects on the jump, rows of (x, w)."""
-        return factored(self.effects_on("G", "E"), self.n)
+        return factored(self.effects_on("G", "E"), (self.n, self.n + self._inputs("E")))
 
     def effects_on(self, state: str, known: str) -> list[Matrix]:
         """Effects (n, n + inputs) on two matrices, those of rounding included."""
-        inputs = {"B": self.B, "E": self.E}[known]
-        count = 0 if inputs is None else inputs.shape[1]
-        listed = []
+        count, listed = self._inputs(known), []
         for effect in (*self.effects, *self.rounding):
             X, Y = getattr(effect, state), getattr(effect, known)
             if X is not None or Y is not None:
                 X = np.zeros((self.n, self.n)) if X is None else X
                 listed.append(np.hstack([X, np.zeros((self.n, count)) if Y is None else Y]))
         return listed
+
+    def _inputs(self, name: str) -> int:
+        """Number of columns of B or E."""
+        matrix = {"B": self.B, "E": self.E}[name]
+        return 0 if matrix is None else matrix.shape[1]
 
     @property
     def columns(self) -> dict[str, int | bool]:

@@ -178,11 +178,25 @@ def test_effects_of_a_step_are_bounded_by_what_they_are(seed: int) -> None:
 
 def test_effects_share_columns_where_they_can() -> None:
     exchange = np.array([[-0.5, 0.5], [0.5, -0.5]])
-    factors = factored([exchange, 3 * exchange, np.array([[0, 0], [1, 0.0]])], 2)
+    factors = factored([exchange, 3 * exchange, np.array([[0, 0], [1, 0.0]])], (2, 2))
     assert factors.columns.T.tolist() == [[1, -1], [0, 1]]
     assert factors.of_column.tolist() == [[1, 1, 0], [0, 0, 1]]
-    plain = factored([np.array([[1.0, 2], [3, 4]])], 2)
+    plain = factored([np.array([[1.0, 2], [3, 4]])], (2, 2))
     assert plain.columns.tolist() == [[1, 0], [0, 1]]
+
+
+@pytest.mark.parametrize("matrix", ["C", "G", "A"])
+def test_a_parameter_on_one_matrix_alone_leaves_known_inputs_as_they_are(matrix: str) -> None:
+    """Neither of a flow nor of a jump without effects."""
+    body = random_plant(1)
+    entry = [[0.05, -0.1]] if matrix == "C" else [[0.05, -0.1], [0.1, 0]]
+    for block, key in (("flow", "A"), ("jump", "G"), ("flow", "B"), ("jump", "E")):
+        body[block][key] = np.array(body[block][key])[:2, :2].tolist()
+    for block in ("flow", "jump"):
+        body[block]["disturbance"] = {"lower": [-0.05] * 2, "upper": [0.1] * 2}
+    body["output"]["C"] = [[1, 0.5]]
+    body["parameter"] = [{"name": "p", "range": [-1, 1], matrix: entry}]
+    assert beyond(body, body, "bang-bang", 1) <= 1e-12
 
 
 def test_claims_need_a_stated_box() -> None:
