@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Entries, Matrix
+from lmi.arithmetic.enclosure import TINY
 from obsdesign.analysis.folded import StateBounds, folded
 from obsdesign.analysis.nominal import nominal_problem
 from obsdesign.equations.set_membership.effects import Factors
@@ -55,10 +56,12 @@ def nominal(problem: Problem) -> NominalProblem:
     bounds = StateBounds.stated(plant)
     if bounds is None:
         return NominalProblem(certain, entries, is_bounded=False)
-    output = folded(problem, bounds).output
+    certain_bounds = folded(problem, bounds)
+    entries |= {"state_lower": bounds.lower, "state_upper": bounds.upper}
+    entries |= {name: most for name, most in certain_bounds.inputs.items() if most is not None}
     gains = SetMembershipGains.from_plant(certain.plant, window=1, steps=1, **entries)
     of_flow = _largest(gains.flow_factors, bounds, plant.flow.input_bound)
-    entries |= {"flow_effect": of_flow, "output_effect": output}
+    entries |= {"flow_effect": of_flow, "output_effect": certain_bounds.output}
     if plant.jump is not None:
         of_jump = _largest(gains.jump_factors, bounds, plant.jump.input_bound)
         entries |= {"jump_effect": of_jump}
@@ -75,7 +78,7 @@ def with_all_noise(gains: SetMembershipGains) -> SetMembershipGains:
 
 
 def _largest(factors: Factors, bounds: StateBounds, inputs: Matrix | None) -> Matrix:
-    """Bounds of w of each column over the box, rounded up."""
+    """Bounds of w of each column over the box, rounded up; positive, since inputs may be larger."""
     lower, upper = fractions_of(bounds.lower), fractions_of(bounds.upper)
     rows, n = fractions_of(factors.rows), len(lower)
     known = np.zeros(rows.shape[1] - n) if inputs is None else inputs
@@ -84,4 +87,4 @@ def _largest(factors: Factors, bounds: StateBounds, inputs: Matrix | None) -> Ma
     )
     sizes = sizes + abs(rows[:, n:]) @ fractions_of(known)
     totals = fractions_of(factors.of_column) @ sizes
-    return np.array([rounded_up(Fraction(total)) for total in totals.tolist()])
+    return np.array([max(rounded_up(Fraction(total)), TINY) for total in totals.tolist()])

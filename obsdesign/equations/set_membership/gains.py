@@ -40,8 +40,9 @@ class SetMembershipGains(ShapedGains):
 
     effects: what each parameter of an uncertain plant adds as it goes from 0 to 1, A, B, G, E and C
     being nominal; rounding: what these leave out of exact ones. Where x is stated to stay in a box,
-    flow_effect, jump_effect bound them there along each column of their factors, and output_effect
-    (p,) what they add to y; else these are None.
+    flow_effect, jump_effect bound them there along each column of their factors, for known inputs
+    up to input_bound (m,) and jump_input_bound (l,) where these are stated, and output_effect (p,)
+    what they add to y; else these are None.
 
     multipliers (phases, n, window, p): of upper bounds of x_1 ... x_n for a full window of the
     nominal pattern, oldest stage first; those of lower bounds are their negatives. They are sound
@@ -67,6 +68,10 @@ class SetMembershipGains(ShapedGains):
     flow_effect: Array | None = matrix("e", optional=True)
     jump_effect: Array | None = matrix("f", optional=True)
     output_effect: Array | None = matrix("p", optional=True)
+    state_lower: Array | None = matrix("n", optional=True)
+    state_upper: Array | None = matrix("n", optional=True)
+    input_bound: Array | None = matrix("m", optional=True)
+    jump_input_bound: Array | None = matrix("l", optional=True)
     multipliers: Array | None = matrix("phases", "n", "window", "p", optional=True)
 
     def __post_init__(self) -> None:

@@ -156,8 +156,10 @@ class Fleet:
         groups: list[Group] = []
         for observer, plants in self._designs:
             regular = ordinary
+            if observer.known_inputs.u is not None:
+                regular = regular & observer.known_inputs.kept(state.boxes.u.T)
             if has_y:
-                regular = ordinary & observer.clock.regular_steps(h, rows.t)
+                regular = regular & observer.clock.regular_steps(h, rows.t)
             if len(regular) == 1:
                 plants = plants[: len(plants) * int(regular[0])]
             else:

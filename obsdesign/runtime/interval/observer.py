@@ -42,10 +42,17 @@ from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import KernelParts, Result, largest
 from obsdesign.runtime.interval.parametric_kernels import kernels_of
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
-from obsdesign.runtime.interval.state_tube import SizeStep, StateTube
+from obsdesign.runtime.interval.state_tube import (
+    SizeStep,
+    StatedBox,
+    StateTube,
+    known_box,
+    known_inputs,
+)
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
+from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.status import status_of, still_void, void_since
 
 
@@ -96,7 +103,8 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         y = optional_measurement(sample.y, self.gains.p)
         off = y is not None and self.gains.is_periodic and self.clock.is_off_period(state, t)
         guard, late = state.guard.after(t, sample.jump)
-        if self.tube is not None and (late or state.largest is not None):
+        large = self.known_inputs.reasons(state.u, sample.w if sample.jump else None)
+        if self.box is not None and (state.largest is not None or self.box.ends(late, large)):
             row = Row(self.unbounded, state.u, y, y, NO_PARTS, None)
         elif sample.bounds is None and state.bounds is None:
             row = Row(self.kernels, state.u, y, y, NO_PARTS, None)
@@ -105,18 +113,17 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         with np.errstate(over="ignore", invalid="ignore"):
             results, contradictions, course = self._propagated(state, sample, t, row, off)
         timing = self.clock.objections(state, sample, y, t)
-        if late:
-            timing.insert(0, late)
-        objections, refutation = _judged(state.refutation, t, results, contradictions, timing)
+        reasons = [*([late] if late else []), *timing, *large]
+        objections, refutation = _judged(state.refutation, t, results, contradictions, reasons)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         kept = row.y if not sample.jump or self.gains.jump_measurement == "after" else None
         sampled = state.sampled if y is None else t
         phase = state.phase if y is None or off else t
         last = results[-1]
         largest = None
-        if self.tube is not None and row.kernels is self.unbounded:
+        if self.box is not None and row.kernels is self.unbounded:
             step = SizeStep(t - state.t, max(abs(t), abs(state.t)), state.u)
-            largest = self.tube.after_row(state.largest, step, results, sample.w)
+            largest = self.box.after_row(state.largest, step, results, sample.w)
         following = IntervalState(t, last.box, u, kept, guard, True, sampled, refutation, phase,
                                   False, course, row.held, largest)  # fmt: skip
         following = following._replace(is_usual=last.size < MODERATE and following.is_ordinary)
@@ -126,7 +133,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
     def _largest_at_start(self, lower: ArrayLike, upper: ArrayLike) -> Matrix | None:
         """Bound of |x| at the start, None where a box of the state holds already."""
-        return None if self.tube is None else self.tube.at_start(lower, upper)
+        return None if self.box is None else self.box.at_start(lower, upper)
 
     def _propagated(
         self, state: IntervalState, sample: Sample, t: float, row: Row, off: bool
@@ -202,10 +209,14 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         return kernels_of(without_state_bounds(self.gains))
 
     @cached_property
-    def tube(self) -> StateTube | None:
-        """Where the box of the state begins to hold; None unless the design has proved one."""
-        tube = self.gains.state_tube
-        return None if tube is None else StateTube(self.gains, tube)
+    def box(self) -> StatedBox | StateTube | None:
+        """The box of the state, and from when on it counts; None without any."""
+        return known_box(self.gains)
+
+    @cached_property
+    def known_inputs(self) -> KnownInputs:
+        """Bounds of known inputs that the box counts on."""
+        return known_inputs(self.gains)
 
     @cached_property
     def varying(self) -> VaryingKernels:
@@ -245,7 +256,7 @@ def _judged(
     """All objections to a row, and the refutation of this row and later ones, empty without one.
 
     refutation: that of an earlier row; contradictions of y to the bounds; timing: objections to
-    when the row came.
+    when the row came, and to its inputs.
     """
     objections, reasons = [*contradictions, *timing], contradictions
     for fault in dict.fromkeys(each.fault for each in results if each.fault is not None):

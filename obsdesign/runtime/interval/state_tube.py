@@ -1,8 +1,11 @@
-"""Whether the state has come to where a box of it, proved from its plant, holds.
+"""From when on a box of the state counts, stated or proved from the plant.
 
-Every solution of |x|' <= W |x| + f, |x+| <= N |x| + h comes to a tube, and stays in it: from then
-on the box of the tube holds, and effects of parameters are bounded. Until then the same comparison
-system bounds |x|, beside the bounds of the observer, whatever they were at the start.
+A stated box counts at every instant, as long as known inputs keep the bounds that are stated with
+it; after one beyond them, once the bounds of the observer are inside it again. A proved box: every
+solution of |x|' <= W |x| + f, |x+| <= N |x| + h comes to a tube, and stays in it: from then on the
+box of the tube holds, and effects of parameters are bounded. Until then the same comparison system
+bounds |x|, beside the bounds of the observer, whatever they were at the start, or after an input
+beyond its bound.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from obsdesign.runtime.base import vector
 from obsdesign.runtime.boxes import initial_bounds
 from obsdesign.runtime.interval.kernel import Result
 from obsdesign.runtime.interval.model import exactly, metzler_bound, rounded, shapes, size
+from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.step_cache import shared_step
 
 
@@ -33,6 +37,30 @@ class SizeStep(NamedTuple):
     h: float
     time: float
     u: Matrix
+
+
+@dataclass(frozen=True)
+class StatedBox:
+    """lower <= x <= upper (n,), as a problem file says."""
+
+    lower: Matrix
+    upper: Matrix
+
+    def at_start(self, lower: ArrayLike, upper: ArrayLike) -> Matrix | None:
+        """None: the box counts."""
+        return None
+
+    def ends(self, late: str | None, large: Sequence[str]) -> bool:
+        """Does the box not count in a row with inputs beyond their bounds (`large`)?"""
+        return bool(large)
+
+    def after_row(
+        self, largest: Matrix | None, step: SizeStep, results: Sequence[Result], w: ArrayLike | None
+    ) -> Matrix | None:
+        """None once the bounds after a row are inside the box, until then no bound of |x|."""
+        last = results[-1]
+        is_inside = (self.lower <= last.lower).all() and (last.upper <= self.upper).all()
+        return None if is_inside else np.full(len(self.lower), np.inf)
 
 
 @dataclass(frozen=True)
@@ -50,16 +78,22 @@ class StateTube:
         largest = _largest_in(*initial_bounds(len(self.tube), lower, upper))
         return None if self.gains.G is None and self._holds(largest) else largest
 
+    def ends(self, late: str | None, large: Sequence[str]) -> bool:
+        """Does the box not count in a row at a wrong dwell time, or with inputs too large?"""
+        return late is not None or bool(large)
+
     def after_row(
         self, largest: Matrix | None, step: SizeStep, results: Sequence[Result], w: ArrayLike | None
     ) -> Matrix | None:
         """Bound of |x| (n,) after a row, None once the box holds.
 
-        largest: before it, None where the box held and a wrong dwell time ended that; results: of
-        the step, and of the jump if there is one, with its input w.
+        largest: before it, None where the box held up to it; results: of the step, and of the jump
+        if there is one, with its input w.
         """
         first, *later = results
-        largest = np.full(len(self.tube), np.inf) if largest is None else self.after(largest, step)
+        held = self.gains.state_upper
+        assert held is not None
+        largest = self.after(held if largest is None else largest, step)
         largest = np.minimum(largest, _largest_in(first.lower, first.upper))
         if later:
             known = np.zeros(self._jump.inputs.shape[1])
@@ -152,3 +186,18 @@ class _Growth:
 def _largest_in(lower: Matrix, upper: Matrix) -> Matrix:
     """Largest |x| (n,) of a box."""
     return np.maximum(np.abs(lower), np.abs(upper))
+
+
+def known_box(gains: IntervalGains) -> StatedBox | StateTube | None:
+    """The box of the state of an uncertain design; None without any."""
+    lower, upper, tube = gains.state_lower, gains.state_upper, gains.state_tube
+    if lower is None or upper is None or not gains.is_uncertain:
+        return None
+    return StatedBox(lower, upper) if tube is None else StateTube(gains, tube)
+
+
+def known_inputs(gains: IntervalGains) -> KnownInputs:
+    """Bounds of known inputs that the box of a design counts on; none without such a box."""
+    if not gains.is_uncertain:
+        return KnownInputs(None, None)
+    return KnownInputs(gains.input_bound, gains.jump_input_bound)

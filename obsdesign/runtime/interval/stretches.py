@@ -20,6 +20,7 @@ from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.kernel import Kernel, largest
 from obsdesign.runtime.interval.state import IntervalState
+from obsdesign.runtime.interval.state_tube import known_inputs
 from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.step_cache import shared_length
 
@@ -175,10 +176,13 @@ class Stretches:
         if not (self.clock.is_in_time(state, first_t) if is_periodic else has_y):
             return state, None
         end = self._end_of_equal_steps(state, span)
+        inputs = self._held(state.u, row, end)
+        within = known_inputs(kernels.gains).kept(inputs[:-1])
+        end = row + int(np.argmin(np.append(within, False)))
         if end - row < _FEWEST_ROWS:
             return state, None
         chosen = kernels.with_sample(first_t - state.t, first_t, True)
-        after, inputs = self.y[row:end], self._held(state.u, row, end)
+        after, inputs = self.y[row:end], inputs[: end - row + 1]
         first = np.zeros(chosen.p) if state.y is None else state.y
         rows = stretch(chosen, state.box, np.vstack([first, after[:-1]]), after, inputs[:-1])
         done = len(rows.lower)

@@ -116,7 +116,8 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         box = self._box(lower, upper)
         nothing = np.full(self._clocks.gains.p, np.nan)  # of sensors on change
         return state._replace(
-            box=box, start=box, stages=(), sent=nothing, refutation="", recent=()
+            box=box, start=box, stages=(), sent=nothing, refutation="", recent=(),
+            box_counts=True,
         )  # fmt: skip
 
     def step(

@@ -18,7 +18,7 @@ class SetMembershipState(NamedTuple):
     sampled: time of the last measurement of every sensor; sent (p,): values that sensors on change
     sent last, NaN without; refutation: since when, and why, the bounds are void, "" while they
     hold; recent: the boxes after the last rows, the latest one last: one more than `fixed_lag` at
-    most.
+    most; box_counts: do effects of parameters count on the stated box of the state?
     """
 
     t: float
@@ -33,3 +33,4 @@ class SetMembershipState(NamedTuple):
     sent: MeasuredRow
     refutation: str = ""
     recent: tuple[Box, ...] = ()
+    box_counts: bool = True

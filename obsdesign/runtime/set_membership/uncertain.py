@@ -9,13 +9,15 @@ Each effect acts along known columns (`equations.set_membership.effects`), as a 
     |row (x, u)| <= |row (m, u)| + |row| r + h (|row A| X + sum |row A_i| X + |row| f)
 
 and at a jump the box before it bounds the rows. What parameters add to y widens the strip of a
-sample by sum |C_i x| over the box of its time. Where x is stated to stay in a box, so are these.
+sample by sum |C_i x| over the box of its time. Where x is stated to stay in a box, so are these:
+but not where a known input is beyond the bound that is stated with it, nor afterwards until bounds
+of x are inside the box again.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,11 +26,15 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, raised
 from obsdesign.equations.set_membership.effects import Factors
 from obsdesign.equations.set_membership.gains import SetMembershipGains
+from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.boxes import midpoint
+from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.set_membership.model import Disturbance, Model
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.stages import Stage, magnitude
+from obsdesign.runtime.set_membership.state import SetMembershipState
 from obsdesign.runtime.set_membership.tape import Tape
+from obsdesign.runtime.status import with_reasons
 
 
 @dataclass(frozen=True)
@@ -48,14 +54,14 @@ class Rows:
 
     @staticmethod
     def from_factors(
-        factors: Factors, bounds: Matrix | None, scales: Matrix, disturbance: Disturbance
+        factors: Factors, bounds: Matrix | float, scales: Matrix, disturbance: Disturbance
     ) -> Rows:
         """The rows of effects whose columns are the last ones of a disturbance."""
         n, count = len(scales), factors.columns.shape[1]
         first = len(disturbance.lower) - count
         active = disturbance.active.tolist()
         places = [active.index(first + k) if first + k in active else -1 for k in range(count)]
-        most = np.full(count, np.inf) if bounds is None else bounds
+        most = np.broadcast_to(bounds, count)
         rows = factors.rows
         return Rows(rows[:, :n] / scales, rows[:, n:], factors, most, places)
 
@@ -80,10 +86,14 @@ class Rows:
 
 @dataclass(frozen=True)
 class EffectBounds:
-    """Bounds of effects along the stages of a design."""
+    """Bounds of effects along the stages of a design.
+
+    counts_box: are they those in the stated box too, if there is one?
+    """
 
     gains: SetMembershipGains
     model: Model
+    counts_box: bool = True
 
     def driven(self, stage: Stage, box: Matrix) -> Stage:
         """The stage with bounds of its effects, from the box before it."""
@@ -111,7 +121,7 @@ class EffectBounds:
         for C in self._outputs:
             size = np.abs(C) @ (radius + (len(centre) + 4) * UNIT * np.abs(centre))
             added = added + np.abs(C @ centre) + size
-        most = np.inf if self.gains.output_effect is None else self.gains.output_effect
+        most = self._most(self.gains.output_effect)
         added = np.fmin(raised(added, 4 * len(centre) + 2 * len(self._outputs)), most)
         strip = np.stack([
             np.nextafter(stage.strip[0] - added, -np.inf),
@@ -120,6 +130,10 @@ class EffectBounds:
         strip = np.where(added > 0, strip, stage.strip)
         stages = (*tape.stages[:-1], stage._replace(strip=strip))
         return tape._replace(stages=stages)
+
+    def _most(self, in_box: Matrix | None) -> Matrix | float:
+        """Bounds of effects in the stated box, infinite where it does not count."""
+        return np.inf if in_box is None or not self.counts_box else in_box
 
     def _force(self, stage: Stage, inputs: Matrix) -> Matrix:
         """Bound (n,) of |B u + b| and of what parameters add to B u."""
@@ -149,13 +163,14 @@ class EffectBounds:
     def _flow(self) -> Rows:
         own = self.gains
         return Rows.from_factors(
-            own.flow_factors, own.flow_effect, self.model.scales, self.model.flow
+            own.flow_factors, self._most(own.flow_effect), self.model.scales, self.model.flow
         )
 
     @cached_property
     def _jump(self) -> Rows:
         own, (jump,) = self.gains, self.model.jumps
-        return Rows.from_factors(own.jump_factors, own.jump_effect, self.model.scales, jump.c)
+        most = self._most(own.jump_effect)
+        return Rows.from_factors(own.jump_factors, most, self.model.scales, jump.c)
 
     @cached_property
     def _of_flow(self) -> list[Matrix]:
@@ -200,12 +215,50 @@ class EffectBounds:
 
 @dataclass(frozen=True)
 class UncertainSetMembershipObserver(SetMembershipObserver):
-    """Executes a design of kind `set_membership` for a plant with parameters."""
+    """Executes a design of kind `set_membership` for a plant with parameters.
+
+    counts_box: are effects bounded by those in the stated box of the state too?
+    """
+
+    counts_box: bool = True
+
+    def step(
+        self, state: SetMembershipState, sample: Sample
+    ) -> tuple[SetMembershipState, Estimate]:
+        """Move to the time of the sample, use it, and jump if it says so.
+
+        Without the stated box of the state where a known input is beyond its bound. ValueError as
+        of any design.
+        """
+        large = self._known_inputs.reasons(state.u, sample.w if sample.jump else None)
+        counts_box = state.box_counts and not large
+        observer = self if counts_box else self._without_box
+        following, estimate = SetMembershipObserver.step(observer, state, sample)
+        if not counts_box:
+            following = following._replace(box_counts=self._is_inside(estimate))
+        events = (*estimate.events, *((estimate.t, reason) for reason in large))
+        status = with_reasons(estimate.status, large)
+        return following, estimate._replace(status=status, events=events)
 
     def _predicted(self, tape: Tape, stage: Stage) -> Tape:
         effects = self._effects
         return effects.widened(super()._predicted(tape, effects.driven(stage, tape.box)))
 
+    def _is_inside(self, estimate: Estimate) -> bool:
+        """Are the bounds of a row inside the stated box?"""
+        lower, upper = self.gains.state_lower, self.gains.state_upper
+        if lower is None or upper is None or estimate.lower is None or estimate.upper is None:
+            return True
+        return bool((lower <= estimate.lower).all() and (estimate.upper <= upper).all())
+
+    @cached_property
+    def _known_inputs(self) -> KnownInputs:
+        return KnownInputs(self.gains.input_bound, self.gains.jump_input_bound)
+
+    @cached_property
+    def _without_box(self) -> UncertainSetMembershipObserver:
+        return replace(self, counts_box=False)
+
     @cached_property
     def _effects(self) -> EffectBounds:
-        return EffectBounds(self.gains, self._model)
+        return EffectBounds(self.gains, self._model, self.counts_box)

@@ -107,7 +107,7 @@ def test_the_stated_box_counts_from_the_start() -> None:
 
 @pytest.mark.parametrize("jumps", [False, True])
 def test_the_bound_of_the_state_is_above_every_solution(jumps: bool) -> None:
-    tube = _observer(jumps)[0].tube
+    tube = _observer(jumps)[0].box
     rng = np.random.default_rng(3)
     for _ in range(30):
         x, h = rng.uniform(-5, 5, 2), 10.0 ** rng.uniform(-3, 0.5)
