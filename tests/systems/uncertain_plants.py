@@ -207,7 +207,8 @@ def margins(observer: BoundsObserver[Any], run: Course, lower: Any, upper: Any) 
         assert estimate.upper is not None
         room = np.minimum(estimate.upper - x, x - estimate.lower)
         widths.append(estimate.upper - estimate.lower)
-        worst.append(float((room / np.maximum(widths[-1], np.abs(x).max() + 1e-3)).min()))
+        size = np.where(np.isfinite(widths[-1]), widths[-1], 0.0)  # bounds that overflowed hold
+        worst.append(float((room / np.maximum(size, np.abs(x).max() + 1e-3)).min()))
     return np.array(worst), np.array(widths)
 
 
