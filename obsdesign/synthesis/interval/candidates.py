@@ -35,6 +35,7 @@ from obsdesign.synthesis.interval.certified import (
     with_solvers,
     with_zero_gains,
 )
+from obsdesign.synthesis.interval.common_coordinates import CommonCoordinates
 from obsdesign.synthesis.interval.coordinates import CoordinateSearch
 from obsdesign.synthesis.interval.descent import best_gains, solvers_of_gains
 from obsdesign.synthesis.interval.forms import gains_of_form
@@ -63,11 +64,18 @@ def synthesize_constrained(
     constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn.
     """
     certain = certain_problem(problem)
-    return certain.completed(_candidates(certain.problem, constraints, budget), budget)
+    sourced, common = certain.sourced(budget, constraints), None
+    if sourced is not None:
+        common = CommonCoordinates(certain.with_parameters, sourced)
+    candidates = _candidates(certain.problem, constraints, budget, common)
+    return certain.completed(candidates, sourced)
 
 
 def _candidates(
-    problem: Problem, constraints: UserConstraints | None, budget: TimeBudget
+    problem: Problem,
+    constraints: UserConstraints | None,
+    budget: TimeBudget,
+    common: CommonCoordinates | None,
 ) -> Iterator[Candidate]:
     if problem.plant.needs_clock_gains:
         yield clocked_candidate(problem, constraints, budget)
@@ -92,6 +100,8 @@ def _candidates(
         placed = yield from _at_once(search)
     for form in open_forms(problem):
         if form == "coordinates" and "S" not in own:
+            if common is not None and constraints is None:
+                yield from common.candidates(search)
             yield from _in_open_coordinates(search, placed.remarks)
         elif problem.plant.output.measured == "periodic":
             yield from sampled_candidates(search, form, [own])

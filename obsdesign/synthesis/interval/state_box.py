@@ -14,8 +14,9 @@ from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.convex_gain import UserConstraints
 from obsdesign.synthesis.interval.corrections import corrections
-from obsdesign.synthesis.interval.sourced_width import with_sources
+from obsdesign.synthesis.interval.sourced_width import SourcedSearch
 from obsdesign.synthesis.state_box import proposed_box
 
 
@@ -33,23 +34,38 @@ class CertainProblem:
     certificates: EntriesByClaim | None = field(default_factory=dict)
     solvers: Solvers = ()
 
-    def completed(self, candidates: Iterator[Candidate], budget: TimeBudget) -> Iterator[Candidate]:
-        """The candidates, with the parameters and the box of the state."""
+    def completed(
+        self, candidates: Iterator[Candidate], sourced: SourcedSearch | None
+    ) -> Iterator[Candidate]:
+        """The candidates, with the parameters and the box of the state.
+
+        sourced: where there is no box, what certifies their radius.
+        """
         if not self.entries:
             yield from candidates
             return
         for candidate in candidates:
             gains = candidate.gains
             if isinstance(gains, IntervalGains):
-                gains = IntervalGains.from_document({**gains.to_document(), **self.entries})
-                gains = replace(gains, **corrections(gains, self.problem.plant.output.measured))
-                if self.certificates is None:
-                    yield with_sources(candidate, gains, self.stated, budget)
+                gains = self.with_parameters(gains)
+                if sourced is not None:
+                    yield sourced.completed(candidate, gains)
                     continue
             yield replace(
                 candidate, gains=gains, solvers=merged(candidate.solvers, self.solvers),
                 certificates={**candidate.certificates, **(self.certificates or {})},
             )  # fmt: skip
+
+    def with_parameters(self, gains: IntervalGains) -> IntervalGains:
+        """Gains with the parameters, and gains on the measured part of their effects."""
+        gains = IntervalGains.from_document({**gains.to_document(), **self.entries})
+        return replace(gains, **corrections(gains, self.problem.plant.output.measured))
+
+    def sourced(self, budget: TimeBudget, user: UserConstraints | None) -> SourcedSearch | None:
+        """The search without a box of the state; None with one, or without parameters."""
+        if self.certificates is not None:
+            return None
+        return SourcedSearch(self.stated, self.problem, budget, user)
 
 
 def certain_problem(problem: Problem) -> CertainProblem:
