@@ -27,6 +27,7 @@ from obsdesign.runtime.stored_state import progress_from_text, state_text
 
 SEED = 1
 EXAMPLES = Path(__file__).parents[2] / "examples"
+_CLEARANCE = {"name": "k", "range": [-0.06, 0.06], "A": (-np.diag([0, 0, 0, 0, 1, 0])).tolist()}
 # every kind, and of each what its state may hold: (example, rows, how its problem is changed)
 CASES: dict[str, tuple[str, int, dict[str, Any]]] = {
     "interval, continuous": ("degue_4_1", 60, {}),
@@ -55,6 +56,10 @@ CASES: dict[str, tuple[str, int, dict[str, Any]]] = {
     "impulses, samples": ("luteinizing_hormone", 120, {}),
     "interval, doses": ("oral_doses", 120, {}),
     "set membership": ("gantry_crane_bounds", 40, {"window": 8, "fixed_lag": 3}),
+    "interval, parameter": ("spring_damper", 60, {}),
+    "interval, parameter, no box": ("spring_damper", 60, {"state": None}),
+    "interval, parameter, proved box": ("oral_doses", 60, {"parameter": [_CLEARANCE]}),
+    "set membership, parameter": ("spring_damper", 40, {"kind": "set_membership", "window": 6}),
 }
 
 
@@ -70,6 +75,8 @@ def recorded(case: str) -> tuple[Any, Any, Any, tuple[Sample, ...]]:
         body["output"]["noise_std"] = [options.pop("noise_std")] * len(body["output"]["C"])
     if "period" in options:
         body["output"]["period"] = options.pop("period")
+    body |= {key: options.pop(key) for key in ("parameter", "state") if key in options}
+    body = {key: own for key, own in body.items() if own is not None}
     if "kind" in options:
         body["observer"] = options
         body["output"].setdefault("noise_bound", [0.1] * len(body["output"]["C"]))

@@ -9,7 +9,7 @@ eigenvectors of one effect alone serve.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,9 +36,9 @@ def common_bases(
     nominal: Matrix, effects: Sequence[Matrix], units: BalancedPlant
 ) -> Iterator[Matrix]:
     """Yield bases S of eigenvectors of all matrices and of single ones, without repetition."""
-    if not effects:
+    own, others = _unit(units.map(nominal)), _directions(units.map(X) for X in effects)
+    if not others:
         return
-    own, *others = (_unit(units.map(X)) for X in (nominal, *effects))
     weighed = [X * _GOLDEN**-k for k, X in enumerate(others)]
     sums = [share * own + sum(weighed) for share in (1.0, 0.125, _SMALL)]
     yielded: list[Matrix] = []
@@ -81,6 +81,16 @@ class CommonCoordinates:
                 )  # fmt: skip
         if best is not None:
             yield best
+
+
+def _directions(effects: Iterable[Matrix]) -> list[Matrix]:
+    """Effects without their sizes and signs, each once, in an order that is theirs."""
+    listed: dict[tuple[float, ...], Matrix] = {}
+    for X in map(_unit, effects):
+        if X.any():
+            X = np.round(X * 2.0**40) / 2.0**40 * np.sign(X.flat[np.flatnonzero(X)[0]])
+            listed.setdefault(tuple(X.ravel().tolist()), X)
+    return [listed[key] for key in sorted(listed)]
 
 
 def _unit(X: Matrix) -> Matrix:
