@@ -4,11 +4,11 @@
 
 Default 5000, 0, 1, interval, 2. Two or three states, A, B, G, E and C uncertain, any gains,
 coordinates, periodic samples, continuous ones or those at jumps alone, missing samples, the box of
-the state known or not; parameters adversarial, bang-bang or constant, 40 rows each. Of
-set_membership windows of 1 to 6 stages. SCALE above 1: parameters beyond their ranges. Prints, for
-each form, the rows, those with finite bounds, the worst margin relative to the width and the seeds
-of plants that leave their bounds; exits with 1 if any does (SCALE 1), or if none does (SCALE above
-1).
+the state known or not, known inputs beyond their bounds; parameters adversarial, bang-bang or
+constant, 40 rows each. Of set_membership windows of 1 to 6 stages. SCALE above 1: parameters beyond
+their ranges. Prints, for each form, the rows, those with finite bounds, the worst margin relative
+to the width and the seeds of plants that leave their bounds; exits with 1 if any does (SCALE 1), or
+if none does (SCALE above 1).
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from obsdesign.runtime.bounds_observer import BoundsObserver
 from tests.systems.uncertain_plants import (
     PATTERNS,
     Play,
+    Uncertain,
     boxed,
     boxed_columns,
     course,
@@ -37,6 +38,12 @@ from tests.systems.uncertain_plants import (
 ROWS = 40
 # of the simulated truth, relative to the largest state
 ROUNDING = 1e-11
+
+
+def input_bounds(plant: Uncertain) -> dict[str, Any]:
+    """Entries of a design of either kind that counts on known inputs up to 1."""
+    named = (("input_bound", plant.B), ("jump_input_bound", plant.E))
+    return {name: np.ones(X.shape[1]) for name, X in named if X is not None}
 
 
 class Trial(NamedTuple):
@@ -57,13 +64,16 @@ def trial(seed: int, scale: float, kind: str) -> Trial:
     offset = rng.uniform(-1, 1, plant.n) * radius
     is_boxed = rng.random() < 0.5
     is_sparse = plant.G is not None and rng.random() < 0.3
-    run = course(play, ROWS, step, at_jumps=is_sparse)
+    # a design that knows a box counts on known inputs up to 1, and says where they are larger
+    run = course(play, ROWS, step, at_jumps=is_sparse, largest=float(rng.choice([1.0, 5.0])))
     if kind == "interval":
         observer: BoundsObserver[Any] = plant.observer(
-            **(boxed(plant, run.lower, run.upper) if is_boxed else {})
+            **(boxed(plant, run.lower, run.upper) | input_bounds(plant) if is_boxed else {})
         )
     else:
         entries = boxed_columns(plant, run.lower, run.upper) if is_boxed else {}
+        if is_boxed:
+            entries |= {"state_lower": run.lower, "state_upper": run.upper} | input_bounds(plant)
         observer = plant.set_membership(int(rng.integers(1, 7)), **entries)
     worst, widths = margins(observer, run, x - offset - radius, x - offset + radius)
     samples = "periodic" if "period" in plant.gains else "continuous"

@@ -167,10 +167,12 @@ class Course:
     upper: Any
 
 
-def course(play: Play, rows: int, step: float, *, at_jumps: bool = False) -> Course:
+def course(
+    play: Play, rows: int, step: float, *, at_jumps: bool = False, largest: float = 1.0
+) -> Course:
     """Rows of different lengths, a fifth without a sample, jumps now and then.
 
-    at_jumps: samples at jumps alone.
+    at_jumps: samples at jumps alone; largest: magnitude of known inputs in a fifth of the rows.
     """
     plant, rng = play.plant, play.rng
     m, inputs = (0 if X is None else X.shape[1] for X in (plant.B, plant.E))
@@ -181,14 +183,15 @@ def course(play: Play, rows: int, step: float, *, at_jumps: bool = False) -> Cou
         play.flow(h, u)
         t += h
         jump = plant.G is not None and rng.random() < 0.15
-        before, w = play.measured(), rng.uniform(-1, 1, inputs)
+        size = largest if rng.random() < 0.2 else 1.0
+        before, w = play.measured(), size * rng.uniform(-1, 1, inputs)
         if jump:
             play.jump(w)
         y = play.measured() if jump and when == "after" else before
         is_missing = rng.random() < 0.2 or (at_jumps and not jump)
         if is_missing or (jump and when == "none"):
             y = None
-        u = rng.uniform(-1, 1, m)
+        u = size * rng.uniform(-1, 1, m)
         samples.append(Sample(t, y, u, w if inputs else None, jump))
         x.append(play.x)
     spread = 0.1 * (play.upper - play.lower) + 0.1
