@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 from functools import cache
 from typing import Any
 
@@ -143,3 +144,12 @@ def test_reset_makes_a_stated_box_count_again(kind: str) -> None:
     following = observer.reset(following, lower=[-1, -1], upper=[1, 1])
     counts = following.largest is None if kind == "interval" else following.box_counts
     assert counts
+
+
+@pytest.mark.parametrize(("kind", "box"), _CASES)
+@pytest.mark.parametrize("entry", ["input_bound", "jump_input_bound"])
+def test_a_design_holds_the_bounds_of_its_problem(kind: str, box: str, entry: str) -> None:
+    design = obsdesign.design(obsdesign.Problem.from_dict(_body(kind, box, jumps=True)))
+    assert obsdesign.verify(design).verdict == "proved"
+    forged = {**design.gains, entry: 10 * np.array(design.gains[entry])}
+    assert obsdesign.verify(dataclasses.replace(design, gains=forged)).verdict == "refuted"

@@ -15,7 +15,7 @@ from lmi.solvers import merged
 from lmi.time_budget import TimeBudget
 from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.equations.interval.gains import CORRECTIONS, IntervalGains
-from obsdesign.equations.interval.sourced_width import sourced_width
+from obsdesign.equations.interval.sourced_width import numbered, sourced_width
 from obsdesign.equations.uncertain import NormalForm
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
@@ -51,8 +51,7 @@ class SourcedSearch:
     def completed(self, candidate: Candidate, gains: IntervalGains) -> Candidate:
         """The candidate with these gains, or parts of them, and certificates of its radius.
 
-        cost: where the narrowest bounds are the objective, the width that is claimed for
-        magnitudes of 1 of all known signals.
+        cost: where the narrowest bounds are the objective, `claimed_width`.
         """
         gains = self.chosen(gains)
         width = sourced_width(gains, self._form, exact, inverse)
@@ -95,7 +94,7 @@ class SourcedSearch:
         return best
 
     def claimed_width(self, gains: IntervalGains) -> float:
-        """The width, weighed as the problem says, for |y|, |u|, |w| up to 1; inf without a limit.
+        """The width, weighed as the problem says, for signals of `_sizes`; inf without a limit.
 
         In floats: what is claimed is proved afterwards.
         """
@@ -104,11 +103,12 @@ class SourcedSearch:
         except np.linalg.LinAlgError:
             return math.inf
         listed = [nearest(system) for system in width.systems.values()]
-        whole = replace(listed[0], f=np.sum([each.f for each in listed], axis=0))
+        sizes = np.array([self._sizes.get(source, 1.0) for source in width.systems])
+        whole = replace(listed[0], f=sizes @ np.array([each.f for each in listed]))
         if whole.N is None:
             bounds = propose_limit(whole, vanishing=True)
         else:
-            kicks = np.sum([each.at_jumps[1] for each in listed], axis=0)
+            kicks = sizes @ np.array([each.at_jumps[1] for each in listed])
             bounds = propose_width(replace(whole, h=kicks), *gains.dwell_ends, vanishing=True)
         if bounds is None:
             return math.inf
@@ -136,6 +136,18 @@ class SourcedSearch:
         frame = {} if gains.S is None else {"S": gains.S}
         own = gains_of_form(self.nominal, gains.form, L, M, frame)
         return replace(gains, L=L, M=M, D0=own.D0, D1=own.D1, Gp=own.Gp, Gn=own.Gn)
+
+    @cached_property
+    def _sizes(self) -> dict[str, float]:
+        """Magnitudes of known inputs, where a bound is stated; all other signals count as 1."""
+        flow, jump = self.stated.plant.flow, self.stated.plant.jump
+        bounds = (("u", flow.input_bound), ("w", None if jump is None else jump.input_bound))
+        return {
+            name: float(value)
+            for letter, bound in bounds
+            if bound is not None
+            for name, value in zip(numbered(letter, len(bound)), bound, strict=True)
+        }
 
     @cached_property
     def _form(self) -> NormalForm:

@@ -152,3 +152,34 @@ def test_periodic_samples_need_a_box() -> None:
     body["observer"] = {"kind": "interval"}
     with pytest.raises(DoesNotApply, match=r"\[state\], bounds of x, is required by kind"):
         investigate(Problem.from_dict(body))
+
+
+def _claimed(body: Body, Y: float) -> float:
+    """Sum of the widths that are claimed where |y| is at most Y."""
+    evidence = _claims(investigate(Problem.from_dict(body)))["source_width"].evidence
+    sizes = {"constant": 1.0, "y1": Y}
+    return sum(size * sum(evidence[source]["always"][2:]) for source, size in sizes.items())
+
+
+@pytest.mark.parametrize(
+    ("body", "form", "share"),
+    [(rooms(), "split", 0.25),
+     (spring(output={"C": [[1, 0]], "C_radius": [[0.05, 0]], "noise_bound": [0.01]}),
+      "coordinates", 0.7)],
+)  # fmt: skip
+def test_open_gains_are_chosen_for_the_width_under_parameters(
+    body: Body, form: str, share: float
+) -> None:
+    """Narrower than with the gains that a form has for the nominal plant."""
+    body = _boundless(body)
+    nominal = {key: own for key, own in body.items() if key != "parameter"}
+    nominal["observer"] = {"kind": "interval", "form": form}
+    nominal["output"] = {key: own for key, own in body["output"].items() if key != "C_radius"}
+    mean = [sum(parameter["range"]) / 2 * np.array(parameter[key])
+            for parameter in body["parameter"] for key in ("A",) if key in parameter]  # fmt: skip
+    nominal["flow"] = {**body["flow"], "A": (np.array(body["flow"]["A"]) + sum(mean)).tolist()}
+    gains = obsdesign.design(Problem.from_dict(nominal)).gains
+    kept = {name: np.array(gains[name]).tolist() for name in ("L", "M", "S") if name in gains}
+    given = {**body, "observer": {"kind": "interval", "form": form, "gains": kept}}
+    free = {**body, "observer": {"kind": "interval"}}
+    assert _claimed(free, 1.0) < share * _claimed(given, 1.0)
