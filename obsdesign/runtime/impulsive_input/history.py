@@ -31,18 +31,26 @@ class DoubtfulSpan:
 class History:
     """Time of the last impulse and its deviation, doubts about it, residuals so far.
 
-    residuals: of the windows of impulses, and of rows that no window will use again.
+    doubt, doubt_before: the last spans of doubtful impulses; the row at which one ends may be
+    decided once the next has begun. residuals: of the windows of impulses, and of rows that no
+    window will use again.
     """
 
     t: Past = -math.inf
     t_std: float = 0.0
     doubt: DoubtfulSpan = field(default_factory=DoubtfulSpan)
+    doubt_before: DoubtfulSpan = field(default_factory=DoubtfulSpan)
     residuals: Residuals = field(default_factory=Residuals)
 
     @property
     def earliest(self) -> float:
         """The time before which the last impulse hardly came."""
         return self.t - _DEVIATIONS * self.t_std
+
+    def doubts_at(self, t: float) -> tuple[str, ...]:
+        """Doubts of a row at time t, each once."""
+        both = (*self.doubt_before.doubts_at(t), *self.doubt.doubts_at(t))
+        return tuple(dict.fromkeys(both))
 
     def judged(self, event: Event, dwell: float, *, cost: float, freedom: int) -> Event:
         """The event with deviations for the residuals, and doubts about them and its dwell time.
@@ -63,8 +71,11 @@ class History:
 
     def after(self, event: Event, since: float, until: float) -> History:
         """The history after a further impulse, on which the rows in [since, until] rest."""
-        doubt = DoubtfulSpan(since, until, event.doubts) if event.doubts else self.doubt
-        return replace(self, t=event.t, t_std=event.t_std or 0.0, doubt=doubt)
+        following = replace(self, t=event.t, t_std=event.t_std or 0.0)
+        if not event.doubts:
+            return following
+        span = DoubtfulSpan(since, until, event.doubts)
+        return replace(following, doubt=span, doubt_before=self.doubt)
 
 
 def short_dwell(last: float, t: float, dwell: float, *deviations: float) -> str:

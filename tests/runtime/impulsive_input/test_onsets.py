@@ -10,6 +10,7 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import from_design
+from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.impulsive_input.integral.onsets import valleys
 from obsdesign.runtime.impulsive_input.whitening import log_evidence
 from tests.systems.impulsive_input import events_of, observer_of, record, rows_from
@@ -166,3 +167,44 @@ def test_onsets_of_two_cells_that_leave_the_same_both_count(
 def test_valleys_of_the_cost_are_apart_by_ridges(cost: list[float], borders: list[int]) -> None:
     parts = valleys(np.array(cost, float))
     assert [parts[0].start, *(part.stop for part in parts)] == borders
+
+
+@pytest.mark.parametrize("operator", ["integral", "samples"])
+def test_doubtful_impulses_one_after_another_mark_the_same_rows_in_parts(operator: str) -> None:
+    """With noise that is stated too small every impulse has a doubt."""
+    body = plant(BESIDE, 0.003, 0.25, operator=operator)
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    rng = np.random.default_rng(0)
+    moments = np.cumsum(8 * (1.02 + rng.exponential(0.1, 6)))
+    t = 0.25 * np.arange(240)
+    A, H, C = (np.array(body[a][b]) for a, b in (("flow", "A"), ("jump", "H"), ("output", "C")))
+    x = record(A, H, [(float(at), 1.0) for at in moments], t, np.zeros(2))
+    y = x @ C.T + 0.01 * rng.standard_normal((len(t), 1))
+    rows = list(observer.run(observer.init(0.0), rows_of(t, y)))
+    assert sum(row.status != "ok" for row in rows) > 100
+    assert [row.status for row in rows] == list(observer.run_batch(t, y, x=np.zeros(2)).status)
+
+
+@pytest.mark.parametrize("ulps", [1, 4, 32])
+def test_coarse_time_stamps_blur_times_alone(ulps: int) -> None:
+    """Samples a few units in the last place apart: weights as from zero on, times to a digit."""
+    begin = 1.7e9
+    period = ulps * math.ulp(begin)
+    body = plant(BESIDE, 0.01, 0.25, operator="integral")
+    body["flow"]["A"] = (np.array(BESIDE[0]) * 0.25 / period).tolist()
+    body["jump"]["dwell_time"] = [32 * period, "inf"]
+    body["output"]["period"] = period
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    A, H, C = (np.array(body[a][b]) for a, b in (("flow", "A"), ("jump", "H"), ("output", "C")))
+    steps, moments = np.arange(200), [30.37 * period, 81.81 * period, 140.45 * period]
+    x = record(A, H, [(at, 1.0) for at in moments], period * steps, np.zeros(2))
+    y = x @ C.T + 0.01 * np.random.default_rng(1).standard_normal((len(steps), 1))
+    early, late = (
+        observer.run_batch(t0 + period * steps, y, x=np.zeros(2)).events for t0 in (0.0, begin)
+    )
+    assert len(early) == len(late) == 3
+    for ours, other, at in zip(late, early, moments, strict=True):
+        assert abs(ours.weights - other.weights)[0] < 0.1 * other.weights_std[0]
+        assert ours.weights_std == pytest.approx(other.weights_std, rel=0.01)
+        assert abs(ours.t - begin - at) < 4 * ours.t_std
+        assert ours.t_std >= 0.28 * math.ulp(begin)

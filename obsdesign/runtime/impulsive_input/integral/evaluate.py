@@ -225,17 +225,20 @@ class Evaluator:
         self, window: Window, noise: WindowNoise, fit: Event, correction: Matrix | None = None
     ) -> Decision:
         """The decision with the posterior of the onset, and of the error it leaves."""
+        since = float(window.t[0])  # time stamps may be too coarse for onsets
         grid = OnsetGrid(
-            run=self.run, times=window.t, features=noise.features, responses=noise.responses,
-            youngest=self.gains.margin, oldest=self.oldest, nonnegative=self.nonnegative,
+            run=self.run, times=window.t - since, features=noise.features,
+            responses=noise.responses, youngest=self.gains.margin, oldest=self.oldest,
+            nonnegative=self.nonnegative,
         )  # fmt: skip
-        posterior, after = grid.posterior(fit.t), noise.covariance()
+        posterior, after = grid.posterior(fit.t - since), noise.covariance()
         faint = not is_significant(posterior)
         if posterior is not None:
-            left = grid.left_by(fit.t, fit.weights) - noise.gain @ noise.features.R
+            left = grid.left_by(fit.t - since, fit.weights) - noise.gain @ noise.features.R
             left = left if correction is None else left + correction[-1]
             after = after + posterior.error_covariance(noise.gain, left)
-        event = expected(replace(fit, doubts=(*fit.doubts, *([FAINT] if faint else []))), posterior)
+        fit = replace(fit, doubts=(*fit.doubts, *([FAINT] if faint else [])))
+        event = expected(fit, posterior, since)
         return Decision(event=event, fit=fit, correction=correction, covariance=after)
 
     def _plain_inverse(self, impulse: Impulse) -> Matrix:

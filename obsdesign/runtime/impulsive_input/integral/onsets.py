@@ -106,9 +106,9 @@ _BY_ONSET = tuple(f.name for f in fields(Posterior) if f.name != "nothing")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnsetGrid:
-    """Onsets in a window: times (rows,), white features and their map, responses to samples.
+    """Onsets in a window: times (rows,) since its first row, white features and their map.
 
-    youngest, oldest: ages that are searched.
+    responses: to samples; youngest, oldest: ages that are searched.
     """
 
     run: FreeRun
@@ -207,11 +207,16 @@ def valleys(cost: Matrix) -> list[slice]:
     return [slice(a, b) for a, b in pairwise([*borders, len(cost)])]
 
 
-def expected(fit: Event, posterior: Posterior | None) -> Event:
-    """The fit with the means of time and weights, and their deviations."""
+def expected(fit: Event, posterior: Posterior | None, since: float) -> Event:
+    """The fit with the means of time and weights, and their deviations.
+
+    since: the time from which onsets are counted; a stamp stands for its last digit.
+    """
     if posterior is None:
         return fit
-    t, t_std = onset_statistics(posterior.onsets, posterior.probability, posterior.steps)
+    age, spread = onset_statistics(posterior.onsets, posterior.probability, posterior.steps)
+    t = since + age
     return replace(
-        fit, t=t, weights=posterior.weight, t_std=t_std, weights_std=posterior.weight_std
-    )
+        fit, t=t, weights=posterior.weight, t_std=math.hypot(spread, math.ulp(t) / math.sqrt(12)),
+        weights_std=posterior.weight_std,
+    )  # fmt: skip

@@ -163,7 +163,7 @@ class Rows:
     ) -> Estimate:
         beyond = () if np.abs(x).max() < LARGEST else (_BEYOND,)
         confused = (CONFUSED,) if t <= live.confused_until else ()
-        reasons = (*missing, *beyond, *confused, *live.history.doubt.doubts_at(t), *remarks)
+        reasons = (*missing, *beyond, *confused, *live.history.doubts_at(t), *remarks)
         return Estimate(t, x=x, status=status_of(tuple(dict.fromkeys(reasons))))
 
     def _missing(self, first: float, t: float) -> tuple[str, ...]:

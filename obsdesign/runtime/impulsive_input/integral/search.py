@@ -163,10 +163,8 @@ def smoothed(times: Matrix, values: Matrix, first: int, half: float) -> Matrix:
     """
     if half <= 0:
         return values[first:]
-    slack = time_tolerance(half, float(times[-1]))
-    rows = int(
-        np.searchsorted(times[: len(values)], times[len(values) - 1] - half + slack, "right")
-    )
+    slack, times = time_tolerance(half, float(times[-1])), times[: len(values)]
+    rows = int(np.searchsorted(times, times[-1] - half + slack, "right"))
     centres = times[first:rows]
     if len(centres) == 0:
         return values[:0]

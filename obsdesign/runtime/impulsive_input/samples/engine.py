@@ -195,7 +195,7 @@ class SamplesEngine:
         """The estimate of a row; is_open: a further sample could have changed it."""
         missing = missing_sample(self.gains.sample_period, live.first, row.t)
         reasons = [] if row.y is not None else [*missing]
-        reasons += live.history.doubt.doubts_at(row.t)
+        reasons += live.history.doubts_at(row.t)
         reasons += [OPEN] if is_open else []
         return Estimate(row.t, x=x, status=status_of(reasons, x))
 
