@@ -20,8 +20,8 @@ class Arrivals:
 
     buffer: those that an earlier row may still precede; is_stream: lines come in the order of
     arrival, whatever a column `received` says; remark: called with a sentence for each row that
-    comes too late, which is left out; watch: called with each arrival; is_first: is it the first
-    part of a record? needs_all: may no row be left out?
+    comes too late, which is left out; note: with that row; watch: called with each arrival;
+    is_first: is it the first part of a record? needs_all: may no row be left out?
     """
 
     buffer: LateRows
@@ -30,6 +30,7 @@ class Arrivals:
     watch: Callable[[Arrival], None] | None = None
     is_first: bool = True
     needs_all: bool = False
+    note: Callable[[Sample], None] | None = None
 
     def in_order(
         self,
@@ -65,6 +66,8 @@ class Arrivals:
             if arrival is None:
                 delays.append(self.buffer.now - sample.t)
                 self.remark(f"{name}: {self.buffer.reason_against(sample)}")
+                if self.note is not None:
+                    self.note(sample)
                 continue
             taken += 1
             if self.watch is not None:

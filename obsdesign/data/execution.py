@@ -22,6 +22,7 @@ from obsdesign.data.late_run import (
     refuse_late_rows,
 )
 from obsdesign.data.layout import Layout
+from obsdesign.data.left_out import LeftOut
 from obsdesign.data.records import discard, read_samples
 from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
 from obsdesign.data.tally import Tally
@@ -65,15 +66,17 @@ def execute(
         provisional_lines(provisional, observer, stored, initial, live) as watch,
     ):  # fmt: skip
         arrivals = arrivals_of(record.layout, stored, remark, is_stream=live, watch=watch)
-        parts, rows = record.begun(
-            stream, arrivals, skip=remark if skip_bad else None, remark=remarks.append
-        )
+        left_out = LeftOut(record.layout, observer, begins=stored is not None and stored.left_out)
+        arrivals.note = left_out.note
+        skip = left_out.skipping(arrivals, remark) if skip_bad else None
+        parts, rows = record.begun(stream, arrivals, skip=skip, remark=remarks.append)
+        rows = left_out.watched(rows)
         estimates = parts.estimates(rows, live=live)
         if state is None:
             late = arrivals if record.layout.lag > 0 else None
             estimates = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
-        tally = _write(observer, estimates, out, log, live=live)
-    _save(state, signed, parts.progress, arrivals)
+        tally = _write(observer, left_out.marked(estimates), out, log, live=live)
+    _save(state, signed, replace(parts.progress, left_out=left_out.counts), arrivals)
     for text in [*_unproved(design, signed), *remarks, *_void(name, tally)]:
         remark(text)
     return tally

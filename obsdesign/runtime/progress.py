@@ -63,7 +63,8 @@ class Progress:
 
     state: None before the first row, which begins with the numbers `initial`. given: number of
     estimates of these rows that were written already. late: rows behind them that an earlier one
-    may still precede, in the order of time; now: time of the last arrival.
+    may still precede, in the order of time; now: time of the last arrival. left_out: was a row left
+    out that may have held an event or an input?
     """
 
     state: Value
@@ -72,6 +73,7 @@ class Progress:
     late: tuple[WaitingRow, ...] = ()
     now: float = -math.inf
     initial: tuple[float, ...] | None = None
+    left_out: bool = False
 
     @property
     def t(self) -> float:
