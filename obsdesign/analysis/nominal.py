@@ -78,6 +78,17 @@ def reason_against_rate(problem: Problem) -> str | None:
     return None
 
 
+def counted_inputs(plant: Plant) -> NewEntries:
+    """Bounds of known inputs that bounds of an error count on, under their names in a design."""
+    if not plant.parameters:
+        return {}
+    stated = {
+        "input_bound": plant.flow.input_bound,
+        "jump_input_bound": None if plant.jump is None else plant.jump.input_bound,
+    }
+    return {name: bound for name, bound in stated.items() if bound is not None}
+
+
 def concerns_plant_alone(problem: Problem) -> bool:
     """Does the problem fix both gains to zero: is the stability of the plant all it is about?"""
     idle = idle_gains(problem.plant)

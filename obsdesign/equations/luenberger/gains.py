@@ -16,13 +16,16 @@ class LuenbergerGains(PlantGains):
     """L, M (n, p); with a schedule also M_cells (cells, n, p) and dwell_borders (cells - 1,).
 
     The gain at a jump is then that of the cell of the dwell time that ends there; M serves the
-    first jump, before which no dwell time is known.
+    first jump, before which no dwell time is known. input_bound (m,), jump_input_bound (l,):
+    largest |u| and |w| that bounds of the error count on, None where they count on none.
     """
 
     L: Array = matrix("n", "p")
     M: Array = matrix("n", "p")
     M_cells: Array | None = matrix("cells", "n", "p", optional=True)
     dwell_borders: Array | None = matrix("borders", optional=True)
+    input_bound: Array | None = matrix("m", optional=True)
+    jump_input_bound: Array | None = matrix("l", optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()

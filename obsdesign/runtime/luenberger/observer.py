@@ -26,6 +26,7 @@ from obsdesign.runtime.base import Estimate, Sample, by_position, instant, vecto
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.flow_cells import FlowCells
 from obsdesign.runtime.jump import corrected_jump, no_jumps
+from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Outputs, States
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
@@ -124,7 +125,9 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         when = self.gains.jump_measurement
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
         guard, late = state.guard.after(t, sample.jump)
-        objections = [late] if late else []
+        objections: list[str] = [late] if late else []
+        large = KnownInputs(self.gains.input_bound, self.gains.jump_input_bound)
+        objections += large.reasons(state.u, sample.w if sample.jump else None)
         # without L, samples between jumps are of no use and none is missed
         is_expected = when != "none" if sample.jump else np.any(self.gains.L)
         if y is None and is_expected:

@@ -13,7 +13,12 @@ from lmi.decide.uncertain_stability import decide_uncertain
 from lmi.prove.parameter_cells import certificate_of
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark, TimeBudget, ended_part, remark_end
-from obsdesign.analysis.nominal import concerns_plant_alone, stability_dwell, stability_family
+from obsdesign.analysis.nominal import (
+    concerns_plant_alone,
+    counted_inputs,
+    stability_dwell,
+    stability_family,
+)
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
@@ -44,9 +49,13 @@ def uncertain_candidates(
     plant = _stability(problem, budget)
     is_compared = box is not None and is_noisy(problem.plant)
     for place, candidate in enumerate(candidates):
+        gains = candidate.gains
+        if isinstance(gains, LuenbergerGains):
+            gains = replace(gains, **counted_inputs(problem.plant))
         bounds = _bounds(problem, candidate, box)
         yield replace(
             candidate,
+            gains=gains,
             cost=_cost(bounds.evidence, box) if box is not None and is_compared else None,
             goes_on=is_compared and candidate.searched and place < _COMPARED - 1,
             solvers=merged(merged(candidate.solvers, plant.solvers), bounds.solvers),

@@ -17,7 +17,7 @@ from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import overall
-from obsdesign.analysis.nominal import nominal_problem, reason_against_rate
+from obsdesign.analysis.nominal import counted_inputs, nominal_problem, reason_against_rate
 from obsdesign.analysis.riccati import faster_rates, riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import idle_gains
@@ -63,20 +63,25 @@ def claims(
     if problem.plant.flow.dt is not None:
         return step_claims(problem, stored, certificates, paranoid)
     if not problem.plant.parameters:
-        return _claims(problem, stored, certificates, paranoid)
+        return _claims(problem, stored, certificates, paranoid, {})
     if reason := reason_against_rate(problem):
         return (inconsistent(reason),)
-    nominal = _claims(nominal_problem(problem), stored, certificates, paranoid)
+    inputs = counted_inputs(problem.plant)
+    nominal = _claims(nominal_problem(problem), stored, certificates, paranoid, inputs)
     return uncertain_claims(problem, nominal, stored, certificates)
 
 
 def _claims(
-    problem: Problem, stored: Entries, certificates: EntriesByClaim, paranoid: bool
+    problem: Problem,
+    stored: Entries,
+    certificates: EntriesByClaim,
+    paranoid: bool,
+    inputs: NewEntries,
 ) -> tuple[Claim, ...]:
-    """Claims about a plant without parameters."""
+    """Claims about a plant without parameters; inputs: entries that its gains have besides."""
     objection = reason_against_problem(problem) or reason_against_borders(problem, stored)
     agreement, gains = consistent_gains(
-        objection, stored, _expected(problem), LuenbergerGains.from_document
+        objection, stored, _expected(problem) | inputs, LuenbergerGains.from_document
     )
     if gains is None:
         return (agreement,)

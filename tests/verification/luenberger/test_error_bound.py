@@ -14,6 +14,7 @@ from obsdesign.design_file import from_dict
 from obsdesign.document import Claim, Design, digest
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
+from obsdesign.runtime.known_inputs import LARGE_U, LARGE_W
 from obsdesign.workflow import Outcome, investigate, verify
 from tests.systems.parameters import Body
 
@@ -314,3 +315,31 @@ def test_a_middle_that_is_no_float_counts() -> None:
     always = np.array(bound(outcome(body)).evidence["always"])
     assert (always > 0).all()
     assert (always < 1e-15).all()
+
+
+def test_a_known_input_beyond_its_bound_has_a_status() -> None:
+    body = spring()
+    body["flow"] |= {"B": [[0], [1]], "input_bound": [2.0]}
+    body["parameter"].append({"name": "motor", "range": [0.9, 1.1], "B": [[0], [1]]})
+    design = designed(body)
+    assert verify(stored(design.to_dict())).verdict == "proved"
+    t = np.arange(6) * 0.1
+    u = np.array([[2.0], [2.0], [2.5], [-2.0], [-3.0], [0.0]])
+    batch = from_design(design).run_batch(t, np.zeros((6, 1)), u, None, None)
+    # u of a row acts on the step that follows
+    assert [LARGE_U in status for status in batch.status] == [False] * 3 + [True, False, True]
+    # the bound is of the problem: a design with another one is not of it
+    changed = design.to_dict()
+    changed["gains"]["input_bound"] = [9.0]
+    assert verify(stored(changed)).verdict == "refuted"
+
+
+def test_jumps_have_a_status_for_their_inputs_too() -> None:
+    body = kicked()
+    body["jump"] |= {"E": [[0], [1]], "input_bound": [1.0]}
+    body["parameter"].append({"name": "hammer", "range": [0.9, 1.1], "E": [[0], [1]]})
+    observer = from_design(designed(body))
+    t, jump = np.array([0.0, 3.0, 6.0]), np.array([False, True, True])
+    w = np.array([[0.0], [1.0], [-1.5]])
+    batch = observer.run_batch(t, np.zeros((3, 1)), None, w, jump)
+    assert [LARGE_W in status for status in batch.status] == [False, False, True]
