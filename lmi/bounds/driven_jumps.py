@@ -8,7 +8,8 @@ and eta bounds what d adds from jump to jump. From bounds |e-| <= r that hold ju
     |e| <= |e^(F theta) H| r + |e^(F theta) K| 1 + int_0^theta |e^(Fs) E| 1 ds
 
 follows for a time theta after one: at theta of the range for the next jump, hence again a bound
-just before jumps, of which the smaller is kept.
+just before jumps, of which the smaller is kept. Long after a jump, where dwell times have no end or
+a far one, a Lyapunov form of the flow bounds what is left.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     Ball,
+    Balls,
     Exact,
     Rational,
     ball,
@@ -32,21 +34,26 @@ from lmi.arithmetic.balls import (
     precision,
     rational,
     scalar,
+    solve_entries,
     to_float,
 )
 from lmi.arithmetic.norms import float_above
 from lmi.bounds.absolute_integral import cells
+from lmi.bounds.peak_gain import decaying_integrals, lyapunov_matrices
 from lmi.prove.common_matrix import prove_common
+from lmi.prove.hurwitz import rightmost
 
 _BITS = 160
 # cells span from this much to that much of 1 / ||F||, unless there would be too many of them
 _REACH, _LONGEST, _CELLS, _MOST = 2.0**-5, 2.0, 64, 700
-_REPEATS = 20
+# after so many times 1 / (decay rate of F) beyond the shortest dwell time nothing is followed
+_FORGOTTEN = 12.0
+_REPEATS = 50
 
 
 @dataclass(frozen=True)
 class DrivenJumps:
-    """F, H (n, n), E (n, k), K (n, l), exact; dwell times in [low, high], high finite."""
+    """F, H (n, n), E (n, k), K (n, l), exact; dwell times in [low, high], high maybe infinite."""
 
     F: Exact
     E: Exact
@@ -89,7 +96,10 @@ def radius_before_jumps(system: DrivenJumps, T: Matrix, gamma: float) -> Radius 
         return None
     own = DrivenJumps(F, lifted @ system.E, H, lifted @ system.K, system.low, system.high)
     with precision(_BITS):
-        added = _largest([step.added for step in _steps(own, exact(unit)) if step.is_last])
+        steps = _steps(own, exact(unit))
+        if steps is None:
+            return None
+        added = _largest([step.added for step in steps if step.is_last])
         norm = sum((value * value for value in added), scalar(0)).sqrt()
         return Radius(back, (norm / (1 - scalar(rational(gamma)))).abs_upper())
 
@@ -108,6 +118,8 @@ def driven_bounds(
         back = 0 * system.F if around is None else around.back
         radius = None if around is None else around.radius
         steps = _steps(system, back)
+        if steps is None:
+            return None
         r = _first(before, back, radius)
         for _ in range(_REPEATS):
             last = _reached([step for step in steps if step.is_last], r, radius)
@@ -116,7 +128,8 @@ def driven_bounds(
             r = smaller
             if is_settled:
                 break
-        bounds = _floats(r), _floats(_reached(steps, r, radius))
+        before_jump, always = _floats(r), _floats(_reached(steps, r, radius))
+    bounds = np.minimum(before_jump, always), always
     return bounds if np.isfinite(bounds).all() else None
 
 
@@ -131,18 +144,62 @@ def _first(before: Exact | None, back: Exact, radius: Ball | None) -> Exact:
     return np.array([a.min(b) for a, b in zip(box, around, strict=True)])
 
 
-def _steps(system: DrivenJumps, back: Exact) -> list[_Step]:
-    """Bounds on cells that cover the times from 0 to the longest dwell time."""
+def _steps(system: DrivenJumps, back: Exact) -> list[_Step] | None:
+    """Bounds on cells that cover the times from 0 to the longest dwell time.
+
+    None where that is infinite and the flow is not proved to decay.
+    """
     n, F = len(system.F), system.F
     columns = np.hstack([system.H, system.H @ back, system.K, system.E])
     split = np.cumsum([n, n, system.K.shape[1]])
     sums, steps = np.array([scalar(0)] * n), list[_Step]()
-    for start, length, count, is_last in _stages(F, system.low, system.high):
+    end = _end(F, system.low, system.high)
+    if math.isinf(end):
+        return None
+    for start, length, count, is_last in _stages(F, system.low, end):
         for cell in cells(F, exp_times(F, start) * ball(columns), start, length, count):
             mapped, turned, kicked, _ = np.hsplit(cell.largest, split)
             sums = _uppers(sums + _row_sums(np.hsplit(cell.integral, split)[3]))
             steps.append(_Step(is_last, _uppers(mapped), _uppers(turned), sums + _row_sums(kicked)))
+    if end < system.high:
+        later = _later(F, exp_times(F, end) * ball(columns))
+        if later is None:
+            return None
+        mapped, turned, kicked, _ = np.hsplit(later.largest, split)
+        sums = _uppers(sums + _row_sums(np.hsplit(later.integral, split)[3]))
+        steps.append(_Step(True, _uppers(mapped), _uppers(turned), sums + _row_sums(kicked)))
     return steps
+
+
+def _end(F: Exact, low: float, high: float) -> float:
+    """Time since a jump up to which the flow is followed; infinite if it does not decay."""
+    decay = -rightmost(to_float(F)).real
+    return min(high, low + _FORGOTTEN / decay) if decay > 0 else high
+
+
+@dataclass(frozen=True)
+class _Later:
+    """From some time on: largest |e^(Fs) X|, and its integral, (n, k) each."""
+
+    largest: Exact
+    integral: Exact
+
+
+def _later(F: Exact, X: Balls) -> _Later | None:
+    """Bounds for all s >= 0 by Q of F'Q + QF = -I; None unless F is proved to decay."""
+    unit = exact(np.eye(len(F)))
+    rate = float(np.float32(0.5 * -rightmost(to_float(F)).real))
+    integrals = decaying_integrals(F, unit, rate)  # also proves that F decays, hence Q > 0
+    solution = lyapunov_matrices(F, unit)
+    if integrals is None or solution is None:
+        return None
+    Q, columns = sum(solution[1:], solution[0]), entries(X)
+    back = solve_entries(Q, entries(ball(unit)))
+    if back is None:
+        return None
+    sizes = [value.abs_upper().sqrt() for value in (columns * (Q @ columns)).sum(axis=0)]
+    roots = [value.abs_upper().sqrt() for value in np.diag(back)]
+    return _Later(np.outer(roots, sizes), integrals(X))
 
 
 def _stages(F: Exact, low: float, high: float) -> Iterator[tuple[Rational, Rational, int, bool]]:

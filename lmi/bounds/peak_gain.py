@@ -79,7 +79,7 @@ def decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exa
     shifted = F + exact(rate * np.eye(len(F)))
     if prove_hurwitz(shifted).outcome != "proved":
         return None
-    solution = _lyapunov_matrices(shifted, C)
+    solution = lyapunov_matrices(shifted, C)
     if solution is None:
         return None
     weight = 1 / (2 * scalar(exact(rate).item()))
@@ -93,7 +93,7 @@ def decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exa
     return integrals
 
 
-def _lyapunov_matrices(F: Exact, C: Exact) -> list[Exact] | None:
+def lyapunov_matrices(F: Exact, C: Exact) -> list[Exact] | None:
     """P of F'P + P F = -c'c for each row c, in the entries of its upper triangle, in balls."""
     k = len(F)
     rows, columns = np.triu_indices(k)

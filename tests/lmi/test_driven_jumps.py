@@ -43,7 +43,7 @@ def reached(pair: Pair, thetas: np.ndarray) -> np.ndarray:
     return result
 
 
-@pytest.mark.parametrize("high", [1.0, 3.0])
+@pytest.mark.parametrize("high", [1.0, 3.0, np.inf])
 def test_no_course_leaves_the_bounds(high: float) -> None:
     pair = (np.array([[0, 1], [-1, -0.1]]), np.diag([1, 0.3]))
     driven = system(pair, 1.0, high)
@@ -53,7 +53,7 @@ def test_no_course_leaves_the_bounds(high: float) -> None:
     before, always = bounds
     assert (always >= before * (1 - 1e-12)).all()
     rng = np.random.default_rng(5)
-    worst = np.max([reached(pair, rng.uniform(1.0, high, 10)) for _ in range(6)], axis=0)
+    worst = np.max([reached(pair, rng.uniform(1.0, min(high, 9.0), 10)) for _ in range(6)], axis=0)
     assert (worst <= before).all()
     assert (before < 4 * worst).all()
 
@@ -77,3 +77,19 @@ def test_what_is_not_proved_gives_nothing() -> None:
     assert isinstance(radius_before_jumps(driven, T, gamma), Radius)
     for wrong in ((T, 0.9 * gamma), (T, 1.0), (np.eye(2), gamma), (np.ones((2, 2)), gamma)):
         assert radius_before_jumps(driven, *wrong) is None
+
+
+def test_a_longest_dwell_time_far_away_or_none_is_all_the_same() -> None:
+    pair = (np.array([[0, 1], [-1, -0.4]]), np.diag([1, 0.3]))
+    box = exact(np.full(2, 3.0))
+    far, none = (driven_bounds(system(pair, 1.0, high), box, None) for high in (1e4, np.inf))
+    assert far is not None
+    assert none is not None
+    assert np.array_equal(far, none)
+    near = driven_bounds(system(pair, 1.0, 25.0), box, None)
+    assert near is not None
+    assert none[1] == pytest.approx(near[1], rel=1e-2)
+    # the twin: a flow that does not decay is bounded for a finite time alone
+    still = (np.array([[0.0, 1.0], [-1.0, 0.0]]), np.diag([0.1, 0.1]))
+    assert driven_bounds(system(still, 1.0, 3.0), box, None) is not None
+    assert driven_bounds(system(still, 1.0, np.inf), box, None) is None

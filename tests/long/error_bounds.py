@@ -50,7 +50,7 @@ def random_case(rng: np.random.Generator) -> Case:
         high = low * float(rng.uniform(1.05, 2))
         body["jump"] = {
             "G": (np.diag(rng.uniform(-1, 1, n)) + 0.2 * rng.normal(size=(n, n))).tolist(),
-            "dwell_time": [low, high],
+            "dwell_time": [low, high if rng.uniform() < 0.6 else "inf"],
             "disturbance": _box(rng, n),
         }
         body["output"]["jump_measurement"] = str(rng.choice(["before", "after", "none"]))

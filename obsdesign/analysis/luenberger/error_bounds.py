@@ -8,7 +8,6 @@ jump gives.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,13 +50,11 @@ def bounds_with_jumps(
 ) -> ErrorBounds | None:
     """What a tube of |e| and a contraction prove, each None where there is none.
 
-    ends: the shortest and the longest dwell time; the contraction serves finite ones. None where
-    nothing is proved.
+    ends: the shortest and the longest dwell time, which may be infinite. None where nothing is
+    proved.
     """
     if tube is not None and not _is_tube(error, ends, tube):
         tube = None
-    if math.isinf(ends[1]):
-        return None if tube is None else ErrorBounds(tube.always, tube.before)
     assert error.H is not None
     assert error.K is not None
     system = DrivenJumps(error.F, error.E, error.H, error.K, *ends)
@@ -70,8 +67,8 @@ def bounds_with_jumps(
 
 
 def is_contraction(error: DrivenError, ends: tuple[float, float], contraction: Contraction) -> bool:
-    """Is a contraction proved, for dwell times that have a longest?"""
-    return not math.isinf(ends[1]) and _radius(error, ends, contraction) is not None
+    """Is a contraction proved for all dwell times?"""
+    return _radius(error, ends, contraction) is not None
 
 
 def comparison_system(error: DrivenError) -> tuple[Exact, Exact, Exact, Exact]:
