@@ -96,10 +96,13 @@ def uncertain_guarantees(
     ranges, free = f"Assumed: {parameter_ranges(plant)}.", absent_signals(plant)
     verdicts = {claim.id: claim.verdict for claim in claims}
     nominal = [name for name in needed if name not in _ADDED]
+    vanishing, bounded = "the state does", "A bounded state"
+    if _has_uncertain_inputs(problem):  # their effect does not vanish as x does
+        vanishing, bounded = "state and known inputs do", "Bounded state, known inputs"
     sentences = [
-        (f"{ranges} Without {free}, the estimation error tends to zero if the state does{when}.",
+        (f"{ranges} Without {free}, the estimation error tends to zero if {vanishing}{when}.",
          nominal),
-        (f"{ranges} A bounded state and bounded {free} leave the estimation error bounded{when}.",
+        (f"{ranges} {bounded} and bounded {free} leave the estimation error bounded{when}.",
          nominal),
     ]  # fmt: skip
     if ROBUST in verdicts:
@@ -148,6 +151,12 @@ def _missing(problem: Problem) -> str:
     if not is_bounded(problem.plant, ()):
         return "it needs bounds of x, [state]"
     return "none is proved for these gains"
+
+
+def _has_uncertain_inputs(problem: Problem) -> bool:
+    """Does a parameter act on a known input?"""
+    keys = {key for each in problem.plant.parameters for key in each.effects}
+    return bool(keys & {"B", "E"})
 
 
 def _is_driven(problem: Problem) -> bool:

@@ -304,3 +304,20 @@ def test_a_design_runs_on_the_plant_that_it_names_alone(design: Design) -> None:
     # the twin: a wider range has the same middle, and verify says that nothing is proved for it
     body["problem"]["parameter"][0]["range"] = [0.8, 1.2]
     assert from_design(stored(body)) is not None
+
+
+def test_an_uncertain_known_input_drives_the_error_of_a_state_at_rest() -> None:
+    """Gain 1 +- 1 of an input of 1: at gain 0 the state rests, and the estimate does not."""
+    body = spring(0.05)
+    del body["jump"]
+    body["flow"]["B"] = [[0], [1]]
+    body["parameter"].append({"name": "gain", "range": [-1, 1], "B": [[0], [1]]})
+    result = outcome(body)
+    assert result.design is not None
+    given = [entry.statement for entry in result.guarantees if entry.given]
+    assert not any("tends to zero if the state does" in text for text in given)
+    assert any("tends to zero if state and known inputs do" in text for text in given)
+    t = np.arange(0, 60, 0.1)
+    rows = np.ones((len(t), 1))
+    batch = from_design(result.design).run_batch(t, 0 * rows, rows, None, None)
+    assert np.abs(batch.x[-1]).max() > 0.1
