@@ -113,11 +113,23 @@ def _is_L_free(problem: Problem, constraints: UserConstraints | None) -> bool:
 def _peak_candidates(
     problem: Problem, driven: DrivenPlant, budget: TimeBudget
 ) -> Iterator[Candidate]:
-    """Candidates with gains against bounded disturbances; problem: without parameters."""
+    """Candidates with gains against bounded disturbances; problem: without parameters.
+
+    An M that is open may be zero too: it contracts less at jumps, and adds no noise there.
+    """
     wanted = convex_gains(problem.options_as(LuenbergerOptions), None)
+    choices = [("", problem)]
+    if given_gain(problem, "M") is None:
+        zero = np.zeros((problem.plant.n, problem.plant.p))
+        body = problem.to_dict()
+        body["observer"]["gains"] = {**body["observer"].get("gains", {}), "M": zero.tolist()}
+        choices.append((", M = 0", Problem.from_dict(body)))
     for label, L in peak_gains(driven):
-        candidate = _with_jump_gain(problem, label, L, wanted["M"], budget)
-        yield replace(candidate, searched=True, solvers=merged(("Clarabel",), candidate.solvers))
+        for beside, own in choices:
+            candidate = _with_jump_gain(own, label + beside, L, wanted["M"], budget)
+            yield replace(
+                candidate, searched=True, solvers=merged(("Clarabel",), candidate.solvers)
+            )
 
 
 def _with_jump_gain(

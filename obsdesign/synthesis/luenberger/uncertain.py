@@ -26,7 +26,7 @@ from obsdesign.synthesis.luenberger.error_bound import KnownBox, bound_certifica
 from obsdesign.synthesis.luenberger.peak_gains import is_noisy
 
 # candidates whose bounds are compared: the others are tried where none of these is proved
-_COMPARED = 3
+_COMPARED = 5
 
 
 @dataclass(frozen=True)
