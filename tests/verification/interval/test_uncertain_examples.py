@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,19 @@ import pytest
 import scipy.linalg
 
 import obsdesign
+from lmi.arithmetic.balls import exact, inverse
+from lmi.decide.stability import decide
 from obsdesign.analysis.folded import absolute_plant
 from obsdesign.data.simulation import simulate
+from obsdesign.equations.interval.certain_bounds import without_state_bounds
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.sourced_width import SourcedWidth, sourced_width
+from obsdesign.equations.uncertain import NormalForm
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
-from tests.systems.parameters import Body
+from obsdesign.synthesis.interval.candidates import synthesize
+from obsdesign.synthesis.interval.corrections import corrections
+from tests.systems.parameters import Body, compartments, degue, rooms, spring
 
 _ORAL = Path(__file__).parents[3] / "examples" / "oral_doses.toml"
 # effects of a relative change of each rate, and how far it may change
@@ -124,3 +133,69 @@ def test_a_ball_that_bounces() -> None:
     assert radii[:, 0].max() <= 0.01 * (1 + 1e-9)
     assert 3.0 < radii[:, 1].mean() < 4.5
     assert radii[:, 1].max() < 5.0
+
+
+def _damped() -> Body:
+    """The spring with uncertain damping too."""
+    body = spring()
+    damping = {"name": "damping", "range": [-0.1, 0.1], "A": [[0, 0], [0, 1]]}
+    return body | {"parameter": [*body["parameter"], damping]}
+
+
+@pytest.mark.parametrize(
+    ("body", "gains", "after", "before"),
+    [
+        (_damped(), None, (0.01, 1.5948), (0.6719, 1.2948)),
+        (compartments(), {"L": [[40], [6]], "M": [[0], [0]]}, None, (4.448, 0.600)),
+        (compartments(), {"L": [[4], [0]], "M": [[0], [0]]}, None, (26.42, 40.62)),
+        (compartments(), {"L": [[0], [0]], "M": [[0], [0]]}, None, (53.2, 81.0)),
+        (rooms(), {"L": [[10], [1]], "M": [[0.8], [0.2]]}, None, (0.570, 2.768)),
+    ],
+)
+def test_widths_in_a_box(body: Body, gains: Any, after: Any, before: Any) -> None:
+    """Claimed half-widths after and before jumps."""
+    if gains is not None:
+        body = body | {"observer": {"kind": "interval", "form": "split", "gains": gains}}
+    outcome = obsdesign.investigate(Problem.from_dict(body))
+    (width,) = (claim.evidence for claim in outcome.claims if claim.id == "width")
+    np.testing.assert_allclose(np.array(width["before_jump"]) / 2, before, rtol=1e-3)
+    if after is not None:
+        np.testing.assert_allclose(np.array(width["after_jump"]) / 2, after, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("share", "threshold"), [(0.01, 0.712795), (0.05, 0.794634), (0.1, 0.905258), (0.2, 1.162141)]
+)
+def test_gains_on_the_measured_part_shorten_the_dwell_time(share: float, threshold: float) -> None:
+    """Without them example 4.1 needs longer times, up to 6 % of them."""
+    for factor, outcome in ((0.999, "refuted"), (1.001, "proved")):
+        width = _sourced(degue(share, (factor * threshold,) * 2), is_corrected=False)
+        assert width.N is not None
+        assert decide(width.W, width.N, *(factor * threshold,) * 2).outcome == outcome
+    matched = _sourced(degue(share, (threshold,) * 2), is_corrected=True)
+    assert matched.N is not None
+    assert decide(matched.W, matched.N, 0.999 * threshold, 0.999 * threshold).outcome == "proved"
+
+
+def test_an_uncertain_sensor_needs_a_longer_dwell_time() -> None:
+    """Example 4.1 with a sensor gain of 1 +- 5 %: 0.70632, in place of ln 2."""
+    body = degue(0.0)
+    del body["flow"]["A_radius"], body["jump"]["G_radius"]
+    body["output"]["C_radius"] = [[0, 0.05]]
+    for dwell, outcome in ((0.999 * 0.70632, "refuted"), (1.001 * 0.70632, "proved")):
+        body["jump"]["dwell_time"] = [dwell, dwell]
+        width = _sourced(body, is_corrected=True)
+        assert width.N is not None
+        assert decide(width.W, width.N, dwell, dwell).outcome == outcome
+
+
+def _sourced(body: Body, *, is_corrected: bool) -> SourcedWidth:
+    """The pair of the radius of a plant whose state has no known bounds, with the given gains."""
+    plant = Problem.from_dict(body).plant
+    gains = IntervalGains.from_document(next(iter(synthesize(Problem.from_dict(body)))).document())
+    boundless = without_state_bounds(gains)
+    if is_corrected:
+        boundless = replace(boundless, **corrections(boundless, "continuous"))
+    else:
+        boundless = replace(boundless, flow_correction=None, jump_correction=None)
+    return sourced_width(boundless, NormalForm.from_plant(plant, exact), exact, inverse)
