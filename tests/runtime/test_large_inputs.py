@@ -153,3 +153,15 @@ def test_a_design_holds_the_bounds_of_its_problem(kind: str, box: str, entry: st
     assert obsdesign.verify(design).verdict == "proved"
     forged = {**design.gains, entry: 10 * np.array(design.gains[entry])}
     assert obsdesign.verify(dataclasses.replace(design, gains=forged)).verdict == "refuted"
+
+
+@pytest.mark.parametrize("kind", ["interval", "set_membership"])
+def test_an_input_that_should_be_zero_has_its_effect(kind: str) -> None:
+    """Its effect within the bound is zero: a direction that is there all the same."""
+    body = _body(kind, "stated")
+    body["flow"]["input_bound"] = [0]
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    course = _course(1.0)
+    batch = _run(observer, course)
+    assert _beyond(batch, course[-1]) <= 1e-6
+    assert set(batch.status[1:]) == {LARGE_U}
