@@ -51,7 +51,7 @@ def test_a_row_with_an_event_that_comes_too_late_is_named_likewise(tank: Path) -
     rows = [f"{row}," for row in ROWS]
     whole = estimates(tank, rows, f"{HEADER},received")
     assert not any(LEFT_OUT in line for line in whole)
-    rows[2] = f"{ROWS[2]}4.5"  # more than report_delay late
+    rows[2] = f"{ROWS[2]},4.5"  # more than report_delay late
     late = estimates(tank, rows, f"{HEADER},received")
     assert [LEFT_OUT in line for line in late] == [False, False, True, True, True]
 
