@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 
@@ -25,9 +25,14 @@ from obsdesign.equations.interval.splits import metzler_split
 
 @dataclass(frozen=True)
 class ClockSystem:
-    """Width maps of a design with several clocks, exact."""
+    """Width maps of a design with several clocks, exact.
+
+    left_out: places of sensors that a proof does without. A further sample never widens, so that
+    widths without them hold with them.
+    """
 
     gains: ClockedIntervalGains
+    left_out: tuple[int, ...] = field(default=(), kw_only=True)
 
     @cached_property
     def W(self) -> Exact:
@@ -48,8 +53,13 @@ class ClockSystem:
         return tuple(
             k
             for k, sensor in enumerate(self.gains.sensors)
-            if sensor.event is None and 0.0 < sensor.gap < math.inf
+            if sensor.event is None and 0.0 < sensor.gap < math.inf and k not in self.left_out
         )
+
+    @property
+    def never_widens(self) -> bool:
+        """Does a further sample never widen the bounds? Silence, where it counts, ends with one."""
+        return all(sensor.sends_on_change is None for sensor in self.gains.sensors)
 
     @property
     def not_counted(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING
 
 import numpy as np
@@ -122,7 +122,7 @@ def clocked_claims(
         + (", and at most `before` and `after` each event, " if gains.events else ", ")
         + all_times(system),
         _SOURCE,
-        proved_width(system, certificates.get("event_width", {})),
+        _width_without(system, certificates.get("event_width", {})),
     )
     return (agreement, stability, width)
 
@@ -140,6 +140,18 @@ def proved_width(system: ClockSystem, proposed: Entries) -> Verdict:
     cells, tube = verdict.evidence["cells"], np.array(verdict.evidence["tube"])
     width = EventWidth.from_tube(system, nodes, cells, tube)
     return Verdict(verdict.outcome, {**verdict.evidence, **width.to_evidence()})
+
+
+def _width_without(system: ClockSystem, proposed: Entries) -> Verdict:
+    """The same of fewer sensors, where the certificate names some that it does "without"."""
+    names = proposed.get("without", ())
+    without = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    sensors = system.gains.sensors
+    left_out = tuple(k for k, sensor in enumerate(sensors) if sensor.name in without)
+    if not left_out or not system.never_widens:
+        return proved_width(system, proposed)
+    verdict = proved_width(replace(system, left_out=left_out), proposed)
+    return Verdict(verdict.outcome, {**verdict.evidence, "without": without})
 
 
 def _tube(

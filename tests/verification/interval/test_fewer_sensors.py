@@ -1,0 +1,87 @@
+"""Widths that are proved without one of the sensors: a further sample never widens."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign import workflow
+from obsdesign.data.simulation import simulate
+from obsdesign.document import Design
+from obsdesign.problem.problem import Problem
+from obsdesign.runtime import from_design
+from obsdesign.runtime.base import rows_of
+
+SHAFT: dict[str, Any] = {
+    "flow": {"A": [[-1, 1], [-0.5, -4]], "disturbance": {"lower": [0, -0.3], "upper": [0, 0.3]}},
+    "event": [{"name": "tick", "every": [5, 30]}],
+    "sensor": [
+        {"name": "angle", "C": [[1, 0]], "noise_bound": 0.05, "every": [0, 0.2]},
+        {"name": "gyro", "C": [[0, 1]], "noise_bound": 0.2, "every": [0, 1]},
+    ],
+    "observer": {"kind": "interval"},
+}
+
+
+@pytest.fixture(scope="module")
+def shaft() -> Design:
+    return obsdesign.design(Problem.from_dict(SHAFT))
+
+
+def width_of(design: Design) -> dict[str, Any]:
+    claim = next(claim for claim in design.claims if claim.id == "event_width")
+    assert claim.verdict == "proved"
+    return dict(claim.evidence)
+
+
+def test_the_width_is_that_of_the_sensor_that_is_read_often(shaft: Design) -> None:
+    body = copy.deepcopy(SHAFT)
+    body["sensor"].pop()
+    alone = width_of(obsdesign.design(Problem.from_dict(body)))
+    assert width_of(shaft)["without"] == ["gyro"]
+    assert width_of(shaft)["always"] == alone["always"]
+
+
+def test_bounds_that_run_are_within_it(shaft: Design) -> None:
+    run = simulate(
+        Problem.from_dict(SHAFT).plant, until=60, initial=np.zeros(2), disturbance="extreme",
+        rng=np.random.default_rng(1),
+    )  # fmt: skip
+    assert run.happened is not None
+    observer: Any = from_design(shaft)
+    rows = list(rows_of(run.t, run.block("y"), jump=run.happened[:, 0]))
+    state = observer.init(run.t[0], lower=[0.0, 0.0], upper=[0.0, 0.0])
+    widest = np.zeros(2)
+    for row, x in zip(observer.run(state, rows), run.block("x"), strict=True):
+        assert (row.lower <= x + 1e-9).all()
+        assert (x - 1e-9 <= row.upper).all()
+        widest = np.maximum(widest, row.upper - row.lower)
+    always = np.array(width_of(shaft)["always"])
+    assert (widest <= always * (1 + 1e-9)).all()
+    assert (widest > 0.4 * always).any()
+
+
+@pytest.mark.parametrize("without", [["angle"], ["angle", "gyro"], [], ["dial"], "gyro", [3], 7])
+def test_a_certificate_that_leaves_out_others_is_not_believed(shaft: Design, without: Any) -> None:
+    claims = tuple(
+        replace(claim, evidence={**claim.evidence, "without": without})
+        if claim.id == "event_width"
+        else claim
+        for claim in shaft.claims
+    )
+    verdicts = {c.id: c.verdict for c in obsdesign.verify(replace(shaft, claims=claims)).claims}
+    assert verdicts["event_width"] != "proved"
+
+
+def test_a_sensor_that_sends_on_change_is_never_left_out() -> None:
+    """A sample of it ends what its silence says."""
+    body = copy.deepcopy(SHAFT)
+    body["sensor"][1]["sends_on_change"] = [0.5]
+    outcome = workflow.investigate(Problem.from_dict(body))
+    claim = next(claim for claim in outcome.claims if claim.id == "event_width")
+    assert "without" not in claim.evidence
