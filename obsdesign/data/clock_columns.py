@@ -135,6 +135,11 @@ class ClockColumns:
             if name not in self.events:
                 known = ", ".join(self.events) or "no events"
                 raise InputError(f"{where}: event must be one of {known}; got {name!r}.")
+        if len(set(names)) < len(names):
+            raise InputError(
+                f"{where}: event must name each event once; got {text!r}. Two of a name need two "
+                "rows."
+            )
         return names
 
 

@@ -13,18 +13,18 @@ from obsdesign.problem.names import RESERVED
 def check_clocks(events: Sequence[Event], sensors: Sequence[Sensor]) -> None:
     """InputError where names meet, or a sensor is read at an event that is none."""
     titles = Counter[str]()
-    for event in events:
-        titles.update(event.columns)
-    for sensor in sensors:
-        titles.update(sensor.columns)
+    clocks: list[Event | Sensor] = [*events, *sensors]
+    for each in clocks:
+        titles.update(each.columns)
+        for title in filter(RESERVED.fullmatch, each.columns):
+            raise InputError(
+                f"{each.entry}: its column is {title!r}, a name that data files have for another "
+                "one; give another name."
+            )
     for title, count in titles.items():
         if count > 1:
             raise InputError(
                 f"events and sensors must differ in name; column {title!r} is doubled."
-            )
-        if RESERVED.fullmatch(title):
-            raise InputError(
-                f"column {title!r} of an event or sensor has the name of another column."
             )
     names = [event.name for event in events]
     for sensor in sensors:

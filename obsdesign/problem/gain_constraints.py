@@ -181,7 +181,7 @@ def _check(
         for part in {"M", "jump_disc"} & set(table):
             if reason := plant.reason_without("jump", needed_by=f"observer.{name}.{part}"):
                 raise InputError(reason)
-    if regions and plant.output.measured == "periodic":
+    if regions and not plant.needs_clock_gains and plant.output.measured == "periodic":
         raise InputError(
             "observer.region is about A - L C and the error's matrix at jumps, on which no gain "
             "acts with output.measured = 'periodic': L acts at samples. Drop region."

@@ -186,7 +186,9 @@ class Plant:
         if modes:
             self._check_modes()
         check_events_of_modes(self.modes, events)
-        self.timing.check(len(events), flow.dt, self.uncertain_events)
+        ends = [event.dwell_time[1] for event in events if event.dwell_time and not modes]
+        longest = [end for end in ends if math.isfinite(end)]
+        self.timing.check(len(events), flow.dt, self.uncertain_events, longest)
         set_fields(self, stated_parameters=tuple(parameters), state=state)
         check_parameters(self)
 

@@ -26,10 +26,13 @@ class Timing(Block):
             raise InputError(f"timing.spacing must be a number >= 0; got {spacing!r}.")
         set_fields(self, spacing=spacing)
 
-    def check(self, events: int, dt: float | None, uncertain: Sequence[str]) -> None:
-        """InputError for a spacing that a plant with so many events has no use for.
+    def check(
+        self, events: int, dt: float | None, uncertain: Sequence[str], longest: Sequence[float]
+    ) -> None:  # fmt: skip
+        """InputError for a spacing that a plant with so many events has no use for, or cannot keep.
 
-        dt: step of discrete time; uncertain: names of events whose time stamps have an error.
+        dt: step of discrete time; uncertain: names of events whose time stamps have an error;
+        longest: times of the events that must come, in every mode.
         """
         if not self.spacing:
             return
@@ -41,3 +44,10 @@ class Timing(Block):
         if dt is not None or uncertain:
             entry = "flow.dt" if dt is not None else f"event.{uncertain[0]}.time_error"
             raise InputError(f"timing.spacing is not available with {entry}.")
+        # another event between two of one name is that far from both
+        if len(longest) > 1 and 2 * self.spacing > min(longest):
+            raise InputError(
+                f"timing.spacing must be at most half of the longest time of every event, "
+                f"{min(longest) / 2:.9g}, since another event comes between two of a name; got "
+                f"{self.spacing!r}."
+            )

@@ -132,7 +132,9 @@ def test_check_names_what_stands_in_the_way() -> None:
     assert answer.reasons[0].startswith("rank: rank(C D) = 1, 2 is needed")
     jumps = body | {"jump": {"dwell_time": [1, 2]}}
     answer = check_kind(obsdesign.Problem.from_dict(jumps), "unknown_input")
-    assert answer.reasons[0].startswith("[jump] must be absent for kind 'unknown_input'")
+    assert answer.reasons[0].startswith(
+        "[jump] and [[event]] must be absent for kind 'unknown_input'"
+    )
     no_d = {"flow": {"A": body["flow"]["A"]}, "output": body["output"]}
     answer = check_kind(obsdesign.Problem.from_dict(no_d), "unknown_input")
     assert answer.verdict == "does_not_apply"

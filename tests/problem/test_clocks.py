@@ -42,6 +42,11 @@ REFUSALS: list[tuple[tuple[Any, ...], Any, str]] = [
     (("event", 0, "name"), "received", "'received' is kept for other columns"),
     (("event", 0, "name"), "Dose", "event.name must be a small letter"),
     (("event", 0, "name"), "plasma", "column 'plasma' is doubled"),
+    (
+        ("sensor", 0),
+        {"name": "u", "C": [[1, 0, 0], [0, 1, 0]], "noise_bound": 1, "every": 1},
+        "sensor.u: its column is 'u1', a name",
+    ),
     (("event", 0, "every"), [14, 6], r"event.dose.every must be \[shortest, longest\]"),
     (("event", 0, "every"), 0, "event.dose.every must be a positive number or a pair"),
     (("event", 0, "dwell_time"), [6, 14], r"'dwell_time' in \[event.dose\]: it is 'every' there"),

@@ -9,8 +9,8 @@ from obsdesign.equations.unknown_input.gains import SMOOTHING
 
 # why the observer cannot serve a plant with jumps
 REASON_AGAINST_JUMPS = (
-    "[jump] must be absent for kind 'unknown_input': its equations hold between jumps "
-    "only. Drop [jump], or choose kind luenberger and bound d as flow.disturbance."
+    "[jump] and [[event]] must be absent for kind 'unknown_input': its equations hold between "
+    "jumps only. Drop them, or choose kind luenberger and bound d as flow.disturbance."
 )
 
 

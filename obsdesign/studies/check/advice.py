@@ -38,7 +38,8 @@ _CLAIMS = {
 # entry that the kind needs and the problem has not -> what may help
 _MISSING = {
     "output.measured": "If y can be taken that way, say so in output.measured.",
-    "jump.H": "If impulses come at unknown times, give their direction jump.H.",
+    "jump.H": "If impulses come at unknown times, give their direction jump.H, in a file with "
+    "[output] in place of named sensors.",
     "flow.D": "If an unknown input acts, give its matrix flow.D.",
     "jump.dwell_time": "Give jump.dwell_time = [shortest, longest].",
 }

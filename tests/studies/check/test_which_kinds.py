@@ -82,10 +82,10 @@ APPLIES: list[tuple[str, dict[str, Any], str]] = [
      body_of(jump={"H": [[1], [0]], "dwell_time": [1, 2]}, output={"measured": "at_jumps"}),
      "output.measured must be continuous or periodic"),
     ("unknown_input", body_of(), "flow.D is required"),
-    ("unknown_input", body_of(flow={"D": [[1], [0]]}, jump={"dwell_time": [1, 2]}), "[jump] must be"),
+    ("unknown_input", body_of(flow={"D": [[1], [0]]}, jump={"dwell_time": [1, 2]}), "[jump] and [[event]] must be"),
     ("unknown_input",
      body_of(flow={"D": [[0], [1]]}, jump={"dwell_time": [1, 2]}, output={"measured": "at_jumps"}),
-     "[jump] must be absent"),
+     "[jump] and [[event]] must be absent"),
 ]  # fmt: skip
 
 

@@ -150,6 +150,7 @@ def test_spacing_within_modes() -> None:
         ({"timing": {"memory": 1}}, "it belongs in [observer]"),
         ({"event": []}, "[[event]]"),
         ({"flow": {"A": [[0.5]], "dt": 1}}, "timing.spacing is not available with flow.dt"),
+        ({"timing": {"spacing": 30}}, "at most half of the longest time of every event"),
     ],
 )
 def test_refusals(change: Body, text: str) -> None:

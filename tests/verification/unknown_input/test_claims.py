@@ -100,7 +100,7 @@ def test_poles_that_cannot_be_had(poles: list[Any], message: str) -> None:
 BAD = [
     ({"weights": {"state": [1.0] * 5}, "poles": [-1, -2, -3]}, {}, "observer.poles and observer.weights both choose L; drop one."),
     ({}, {"flow.D": None}, "flow.D is required by kind 'unknown_input'; it is missing."),
-    ({}, {"jump": {"dwell_time": [1, 2]}}, "[jump] must be absent for kind 'unknown_input': its equations hold between jumps only. Drop [jump], or choose kind luenberger and bound d as flow.disturbance."),
+    ({}, {"jump": {"dwell_time": [1, 2]}}, "[jump] and [[event]] must be absent for kind 'unknown_input': its equations hold between jumps only. Drop them, or choose kind luenberger and bound d as flow.disturbance."),
     ({"differentiator": "batch"}, {}, "output.noise_std is required by differentiator = 'batch', positive for every output; got [0.0, 0.0, 0.0]."),
 ]  # fmt: skip
 
