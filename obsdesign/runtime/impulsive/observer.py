@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
-from lmi.arithmetic.exponential import expm, flow_integrals
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.flow_cells import FlowCells
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
 from obsdesign.runtime.jump import corrected_jump
 from obsdesign.runtime.point_observer import SteppedObserver
@@ -37,6 +37,7 @@ from obsdesign.runtime.step_cache import cached_step
 
 # condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
 _ILL_CONDITIONED, _SINGULAR = 1e8, 1e14
+_ONE = np.ones(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     gains: ImpulsiveGains
     kind: ClassVar[str] = "impulsive"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[float, tuple[Matrix, Matrix | None]] = field(
+    _steps: OrderedDict[float, Matrix] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
     _flows: OrderedDict[float, Matrix] = field(
@@ -139,9 +140,9 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         return SlidingWindow.from_elements(past, gains.window_weight)
 
     def _core_flow(self, spacing: float) -> Matrix:
-        if self._core.A is self.gains.A and not self._forced:  # the step to here is this flow
-            return cached_step(self._steps, spacing, self._flow_maps)[0]
-        return cached_step(self._flows, spacing, lambda h: expm(self._core.A * h))
+        if self._core.A is self.gains.A:  # the step to here is this flow
+            return cached_step(self._steps, spacing, self._cells.at)[:, : self.n]
+        return cached_step(self._flows, spacing, self._core_cells.at)
 
     def _element(self, spacing: float, carry: Matrix | None) -> Element:
         """Full: measured, then moved by a spacing. Compressed: moved, measured at its end."""
@@ -204,26 +205,28 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     def _flow(self, state: ImpulsiveState, t: float) -> Matrix:
         if t == state.t:
             return state.x
-        flow, once = cached_step(self._steps, t - state.t, self._flow_maps)
-        if once is None:
-            return np.asarray(flow @ state.x)
-        forced = self._drift
-        if self.gains.B is not None:
-            forced = forced + self.gains.B @ state.u
-        return np.asarray(flow @ state.x + once @ forced)
-
-    def _flow_maps(self, h: float) -> tuple[Matrix, Matrix | None]:
-        """(e^{Ah}, its integral); without the integral where nothing drives the flow."""
-        A = self.gains.A
-        return flow_integrals(A, h) if self._forced else (expm(A * h), None)
+        step = cached_step(self._steps, t - state.t, self._cells.at)
+        known = np.concatenate((state.x, state.u, _ONE)) if self._forced else state.x
+        return np.asarray(step @ known)
 
     @cached_property
-    def _drift(self) -> Matrix:
-        return self.gains.flow_drift
+    def _cells(self) -> FlowCells:
+        """Steps of [x; u; 1], of x alone where nothing drives the flow."""
+        g = self.gains
+        if not self._forced:
+            return FlowCells(g.A, g.n)
+        drift = g.flow_drift[:, None]
+        driven = drift if g.B is None else np.hstack([g.B, drift])
+        known = driven.shape[1]
+        return FlowCells(np.block([[g.A, driven], [np.zeros((known, g.n + known))]]), g.n)
+
+    @cached_property
+    def _core_cells(self) -> FlowCells:
+        return FlowCells(self._core.A, len(self._core.A))
 
     @cached_property
     def _forced(self) -> bool:
-        return self.gains.B is not None or bool(np.any(self._drift))
+        return self.gains.B is not None or bool(np.any(self.gains.flow_drift))
 
 
 def _shifted(window: SlidingWindow, element: Element) -> SlidingWindow:

@@ -249,5 +249,5 @@ def test_digest_and_runtime_agree(tmp_path: Any) -> None:
 @pytest.mark.parametrize("B", [None, np.ones((2, 1))])
 @pytest.mark.parametrize("drift", [[0.0, 0.0], [0.0, 0.5]])
 def test_a_flow_is_driven_by_known_inputs_or_by_a_drift(B: Any, drift: list[float]) -> None:
-    own: Any = SimpleNamespace(gains=SimpleNamespace(B=B), _drift=np.array(drift))
+    own: Any = SimpleNamespace(gains=SimpleNamespace(B=B, flow_drift=np.array(drift)))
     assert ImpulsiveObserver._forced.func(own) is (B is not None or any(drift))
