@@ -60,8 +60,17 @@ def rates_claim(
     return (Claim.from_verdict("rates", statement, source, verdict),)
 
 
-def rates_sentence(claims: tuple[Claim, ...], what: str) -> list[tuple[str, list[str]]]:
-    """The guarantee that a proved rates claim gives, and the claims behind it."""
+# what drives the error of most plants
+DRIVING = "disturbance and noise"
+
+
+def rates_sentence(
+    claims: tuple[Claim, ...], what: str, absent: str = DRIVING
+) -> list[tuple[str, list[str]]]:
+    """The guarantee that a proved rates claim gives, and the claims behind it.
+
+    absent: what drives the error, and must be absent.
+    """
     evidence = [c.evidence for c in claims if c.id == "rates" and c.verdict == "proved"]
     stated = StatedRates.from_evidence(evidence[0]) if evidence else None
     if stated is None:
@@ -71,7 +80,7 @@ def rates_sentence(claims: tuple[Claim, ...], what: str) -> list[tuple[str, list
         norm = "norms that depend on neighbouring dwell times"
     per_jump = six_digits(stated.rates.per_jump, ROUND_CEILING)
     text = (
-        f"Without disturbance and noise, {what} just before a jump shrinks, in {norm}, "
+        f"Without {absent}, {what} just before a jump shrinks, in {norm}, "
         f"to at most {per_jump} of itself at the next one, and "
         f"like e^(-{six_digits(stated.rates.in_time, ROUND_FLOOR)} t) from jump to jump."
     )

@@ -42,6 +42,8 @@ def _body(kind: str, box: str, jumps: bool = False) -> dict[str, Any]:
         body["state"] = {"lower": [-2, -2], "upper": [2, 2]}
     if kind == "set_membership":
         body["observer"] = {"kind": kind, "window": 3}
+    if kind == "luenberger":
+        body["observer"] = {"kind": kind}
     return body
 
 
@@ -165,3 +167,18 @@ def test_an_input_that_should_be_zero_has_its_effect(kind: str) -> None:
     batch = _run(observer, course)
     assert _beyond(batch, course[-1]) <= 1e-6
     assert set(batch.status[1:]) == {LARGE_U}
+
+
+@pytest.mark.parametrize("kind", ["interval", "set_membership", "luenberger"])
+@pytest.mark.parametrize("size", [0.9, 5.0])
+def test_an_input_that_is_held_is_beyond_its_bound_in_every_row(kind: str, size: float) -> None:
+    """Stated once, it drives all rows that follow; a smaller one has no status."""
+    observer = _observer(kind, "stated")
+    state = observer.start(0.0, [0.0, 0.0] if kind == "luenberger" else [-1.0, 1.0, -1.0, 1.0])
+    statuses = []
+    for k in range(6):
+        sample = Sample(_STEP * k, np.zeros(1), u=[size] if k == 1 else None)
+        state, estimate = observer.step(state, sample)
+        statuses.append(estimate.status)
+    large = [str(LARGE_U) in status for status in statuses]
+    assert large == [False, False, *([size > 1] * 4)]

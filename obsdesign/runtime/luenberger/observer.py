@@ -126,8 +126,8 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
         guard, late = state.guard.after(t, sample.jump)
         objections: list[str] = [late] if late else []
-        large = KnownInputs(self.gains.input_bound, self.gains.jump_input_bound)
-        objections += large.reasons(state.u, sample.w if sample.jump else None)
+        known = self._known_inputs
+        objections += known.reasons(state.u, sample.w if sample.jump else None)
         # without L, samples between jumps are of no use and none is missed
         is_expected = when != "none" if sample.jump else np.any(self.gains.L)
         if y is None and is_expected:
@@ -141,6 +141,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             usable = y if when == "after" else None
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         is_usual = usable is not None and all(map(_moderate, (x, usable, u)))
+        is_usual = is_usual and not known.reasons(u, None)
         following = LuenbergerState(t, x, u, usable, guard, started=True, is_usual=is_usual)
         return following, Estimate(t, x=x, status=status_of(objections, x))
 
@@ -164,6 +165,10 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             step = self._steps[h] = self._measured_cells.at(h)
         slope = (end - start) / max(h, _SHORTEST)
         return np.asarray(step.dot(concatenate((x, start, u, _ONE, slope))))
+
+    @cached_property
+    def _known_inputs(self) -> KnownInputs:
+        return KnownInputs(self.gains.input_bound, self.gains.jump_input_bound)
 
     @cached_property
     def _free_cells(self) -> FlowCells:

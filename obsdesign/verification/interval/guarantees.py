@@ -17,7 +17,7 @@ from obsdesign.verification.interval.several_clocks import clocked_guarantees
 from obsdesign.verification.interval.sourced_width import sourced_sentences
 from obsdesign.verification.interval.uncertain_width import uncertain_guarantees, uncertain_warnings
 from obsdesign.verification.interval.width import width_sentence
-from obsdesign.verification.rates import rates_sentence
+from obsdesign.verification.rates import DRIVING, rates_sentence
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from obsdesign.verification.state_widths import StateWidths, widths_of_claim
 
@@ -45,12 +45,16 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     bounded = _present(verdicts, ("hurwitz", "dwell_stability"))
     bounded = ["sampled_stability"] if is_periodic else bounded
     has_input = plant.flow.d_bounds is not None
+    absent = "disturbance, noise and effects of parameters" if plant.parameters else DRIVING
     enclosure = _ENCLOSURE.format("b, c, d" if has_input else "b, c")
     sentences = [
         (enclosure, enclosing),
         (_bounded_width(problem, claims, measured), enclosing + bounded),
         *((text, [*enclosing, *ids]) for text, ids in sourced_sentences(claims, measured)),
-        *((f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the width")),
+        *(
+            (f"{measured}: {text}", ids)
+            for text, ids in rates_sentence(claims, "the width", absent)
+        ),
     ]
     sampled = sampled_sentences(claims, skips)
     decaying = _present(verdicts, ("hurwitz",))
@@ -108,6 +112,8 @@ def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -
             f"{measured}, the width of the bounds stays bounded{when} as long as y, u and w do, "
             "whether the state is bounded or not."
         )
+    if problem.plant.parameters:
+        return f"{measured}, the width of the bounds stays bounded{when}."
     return (
         f"{measured}, the width of the bounds stays bounded{when}, and without disturbance and "
         f"noise it tends to zero{jumps}."

@@ -100,7 +100,7 @@ def uncertain_guarantees(
     if _has_uncertain_inputs(problem):  # their effect does not vanish as x does
         vanishing, bounded = "state and known inputs do", "Bounded state, known inputs"
     sentences = [
-        (f"{ranges} Without {free}, the estimation error tends to zero if {vanishing}{when}.",
+        (f"{ranges} Without {free}, the estimation error tends to zero{when}, if {vanishing}.",
          nominal),
         (f"{ranges} {bounded} and bounded {free} leave the estimation error bounded{when}.",
          nominal),
@@ -119,7 +119,7 @@ def uncertain_guarantees(
         Guarantee.from_verdicts(text, [*nominal, *ids], verdicts)
         for text, ids in bound_sentence(claims, measured, plant.output.noise_bound is not None)
     )
-    return (*given, *under_assumptions(plant, claims, bounds))
+    return (*under_assumptions(plant, claims, bounds), *given)
 
 
 def uncertain_warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
