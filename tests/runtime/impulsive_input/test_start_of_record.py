@@ -57,3 +57,38 @@ def test_no_row_has_it_at_rest(options: dict[str, Any]) -> None:
     rows, events = rows_of_record(CHAIN, [(12.3, 1.0)], **options)
     assert len(events) == 1
     assert {row.status for row in rows} == {"ok", "unresolved"}
+
+
+LEVEL = {"A": [[-1.14, 0.0], [0.64, 0.0]], "C": [[0.0, 1.0]], "period": 0.136, "dwell": 2.12}
+RAIN = {
+    "A": [[-2.0, 0.0, 0.0], [0.69, -0.73, 0.0], [1.31, 0.0, -0.11]],
+    "C": [[0.0, 1.0, 1.0]], "period": 0.217, "dwell": 21.9,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plant", "state"),
+    [(LEVEL, [0.06, -0.17]), (RAIN, [0.05, 0.04, 0.11]), (RAIN, [0.0, 0.0, 0.0])],
+    ids=["level", "rain", "rain at rest"],
+)
+def test_deviations_of_the_plain_norm_hold_what_is_left_of_the_state_at_first(
+    plant: dict[str, Any], state: list[float]
+) -> None:
+    """The plain norm does not weigh that error; the deviations of its impulses do."""
+    A, dwell, noise = np.array(plant["A"]), plant["dwell"], 0.0005
+    H = np.eye(len(A))[:, :1]
+    body = {
+        "flow": {"A": plant["A"]}, "jump": {"H": H.tolist(), "dwell_time": [dwell, math.inf]},
+        "output": {"C": plant["C"], "measured": "periodic", "period": plant["period"],
+                   "noise_std": [noise]},
+        "observer": {"kind": "impulsive_input", "operator": "integral", "weighting": "plain"},
+    }  # fmt: skip
+    train = [(1.53 * dwell, -1.6), (3.04 * dwell, -1.2), (4.57 * dwell, 0.9)]
+    t, rng = np.arange(0, 7 * dwell, plant["period"]), np.random.default_rng(0)
+    y = record(A, H, train, t, state) @ np.array(plant["C"]).T
+    events = events_of(rows_from(observer_of(body), t, y + noise * rng.standard_normal(y.shape)))
+    assert [event.status for event in events] == ["ok"] * len(train)
+    for event, (moment, weight) in zip(events, train, strict=True):
+        assert abs(event.t - moment) < 4 * event.t_std
+        assert abs(event.weights[0] - weight) < 4 * event.weights_std[0]
+    assert events[-1].weights_std[0] < 0.1

@@ -172,7 +172,7 @@ class IntegralEngine:
         P = first_covariance(self.run, window.y, x) if P is None else P
         if window.spread.all():
             live = replace(live, confused_until=self.evaluator.confused_until(window, P))
-        return replace(live, covariance=P) if self.evaluator.gls else live
+        return replace(live, covariance=P)
 
     def _window(self, track: Track, row: int) -> Window:
         """The window that begins at a row."""
