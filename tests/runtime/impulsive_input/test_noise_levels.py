@@ -12,7 +12,7 @@ import pytest
 import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.impulsive_input.event import FAINT
-from tests.systems.impulsive_input import events_of, record, rows_from
+from tests.systems.impulsive_input import events_of, observer_of, record, rows_from
 
 TWO: dict[str, Any] = {
     "flow": {"A": [[-0.5, 0.0], [0.5, -0.3]]},
@@ -204,3 +204,30 @@ def observed(noise: str, kind: str) -> Any:
         body["output"][noise] = [CV if noise == "noise_cv" else STD]
     body["observer"] |= OPTIONS[kind]
     return from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+
+
+MOTOR = np.array([[0.0, 1.0, 0.0], [0.0, -0.7434, 0.0], [0.0, 2.5814, -2.5814]])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.11], ids=["every row", "rows missing"])
+@pytest.mark.parametrize("seed", [1, 11])
+def test_an_impulse_just_behind_a_window_is_no_older_one(share: float, seed: int) -> None:
+    """A tacho that came to rest shows it at once; so small is its noise that others fit as well."""
+    body = {
+        "flow": {"A": MOTOR.tolist()},
+        "jump": {"H": [[0], [1], [0]], "dwell_time": [4.745, "inf"]},
+        "output": {"C": [[1, 0, 0], [0, 0, 1]], "measured": "periodic", "period": 0.0527,
+                   "noise_cv": [0.0069, 0.0018]},
+        "observer": {"kind": "impulsive_input", "operator": "integral"},
+    }  # fmt: skip
+    train, t = [(10.183296, -2.0), (16.413136, -1.5)], 0.0527 * np.arange(420)
+    rng = np.random.default_rng(seed)
+    y = record(MOTOR, [[0.0], [1.0], [0.0]], train, t, [-0.2615, -0.0449, -0.0620])[:, [0, 2]]
+    y = y * (1 + np.array([0.0069, 0.0018]) * rng.standard_normal(y.shape))
+    y[rng.random(len(t)) < share] = np.nan
+    y[[192, 195, 196] if share else []] = np.nan  # around the first impulse
+    events = events_of(rows_from(observer_of(body), t, y))
+    assert [event.status for event in events] == ["ok", "ok"]
+    for event, (moment, weight) in zip(events, train, strict=True):
+        assert abs(event.t - moment) < 4 * event.t_std
+        assert abs(event.weights[0] - weight) < 4 * event.weights_std[0]

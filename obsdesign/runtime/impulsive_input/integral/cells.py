@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Array, Indices, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 from obsdesign.equations.impulsive_input.fit import Impulse, explained, fit_impulse, peaks
@@ -47,17 +47,37 @@ class CellFits:
 
     def likely(self, features: Weighted) -> set[int]:
         """Cells where an onset at the ends or in the middle explains the features best."""
-        gains = self.run.gains
-        ages = self.t[0] + self.run.tau - self.t
-        searched = (ages >= gains.margin) & (ages <= self.oldest)
-        cells = np.flatnonzero(searched & (np.arange(len(ages)) > 0))
-        width = float(np.median(np.diff(self.t)))
+        ages = self._ages
+        cells = self._cells((ages >= self.run.gains.margin) & (ages <= self.oldest))
+        shown = self._explained(features, cells)
+        return {int(cells[k]) for gains in shown for k in peaks(gains)}
+
+    @property
+    def younger_gain(self) -> float:
+        """Most that an onset explains of R in a cell younger than the margin, or behind the window.
+
+        In the cell that holds the margin onsets may leave the same before it and after it.
+        """
+        cells = self._cells(np.append(False, self._ages[:-1] < self.run.gains.margin))
+        return max(float(gains.max(initial=0.0)) for gains in self._explained(self.features, cells))
+
+    @property
+    def _ages(self) -> Matrix:
+        """Of onsets at the rows, at the end of the window; that of a row behind it is negative."""
+        return np.asarray(self.t[0] + self.run.tau - self.t)
+
+    def _cells(self, among: Array) -> Indices:
+        """Rows that end a cell, of those that are `among` (rows,)."""
+        return np.flatnonzero(among & (np.arange(len(self.t)) > 0))
+
+    def _explained(self, features: Weighted, cells: Indices) -> list[Matrix]:
+        """What onsets at the ends, in the middles, at the starts of cells explain of features."""
+        gains, width = self.run.gains, float(np.median(np.diff(self.t)))
         inside = expm(gains.A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ gains.H
-        likely: set[int] = set()
-        for jump in inside:
-            shown = features.T @ (self.onsets[cells] @ jump)
-            likely |= {int(cells[k]) for k in peaks(explained(shown, features.R, self.nonnegative))}
-        return likely
+        return [
+            explained(features.T @ (self.onsets[cells] @ jump), features.R, self.nonnegative)
+            for jump in inside
+        ]
 
     def _descended(self, cells: set[int], youngest: float) -> Impulse | None:
         """The best of some cells, those after them, and those where it still goes down."""

@@ -39,6 +39,9 @@ from obsdesign.runtime.impulsive_input.whitening import (
 
 # plain, without noise: part of R that a fit may leave at the start of a search
 _MAX_MISFIT_SHARE = 1e-3
+# twice the log-likelihood by which an onset younger than the margin must be ahead: ages whose
+# features are alike differ by less
+_LEAST_LEAD = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,7 +212,11 @@ class Evaluator:
         return float(window.t[rows]) if rows else -math.inf
 
     def _fitted_in_noise(self, window: Window, P: Matrix) -> tuple[WindowNoise, Impulse | None]:
-        """White features of a window, and the impulse that explains them best."""
+        """White features of a window, and the impulse that explains them best.
+
+        None where an onset explains them better that is younger than the margin, or shown by the
+        row behind the window alone: it is dated once it is older, and would be an older impulse.
+        """
         white = whitening(window.taps, window.spread)
         R = white.features(window.error)
         noise = WindowNoise.from_features(
@@ -219,7 +226,10 @@ class Evaluator:
             window.spread,
         )
         smooth = noise.features.T @ white.T
-        return noise, self._fitted(window, noise.responses, noise.features, smooth=smooth)
+        impulse = self._fitted(window, noise.responses, noise.features, smooth=smooth)
+        younger = self._cells(window, noise.responses, noise.features).younger_gain
+        is_younger = impulse is not None and younger > impulse.gain + _LEAST_LEAD
+        return noise, None if is_younger else impulse
 
     def _decided(
         self, window: Window, noise: WindowNoise, fit: Event, correction: Matrix | None = None
@@ -274,12 +284,16 @@ class Evaluator:
         )  # fmt: skip
         if impulse is None:
             return None
-        fits = CellFits(
-            run=self.run, t=window.t, features=features, onsets=responses.onsets,
-            oldest=self.oldest, nonnegative=self.nonnegative,
-        )  # fmt: skip
+        fits = self._cells(window, responses, features)
         likely = {int(np.searchsorted(window.t, self._time(window, impulse), "left"))}
         for each in (features,) if alike is None else (features, alike):
             likely |= fits.likely(each)
         best = fits.best(likely)
         return impulse if best is None else replace(best, inside=impulse.inside)
+
+    def _cells(self, window: Window, responses: Responses, features: Weighted) -> CellFits:
+        """Fits of onsets in the cells of a window."""
+        return CellFits(
+            run=self.run, t=window.t, features=features, onsets=responses.onsets,
+            oldest=self.oldest, nonnegative=self.nonnegative,
+        )  # fmt: skip
