@@ -231,3 +231,23 @@ def test_an_impulse_just_behind_a_window_is_no_older_one(share: float, seed: int
     for event, (moment, weight) in zip(events, train, strict=True):
         assert abs(event.t - moment) < 4 * event.t_std
         assert abs(event.weights[0] - weight) < 4 * event.weights_std[0]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_no_impulse_is_lost_where_its_peak_is_beside_the_margin(seed: int) -> None:
+    """Noise makes its age at the peak less than the margin, and no later window is offered."""
+    A, H, C = np.array([[-0.3, -0.716], [0.495, -0.4]]), [[1.0], [0.0]], np.array([[0.0, 0.9]])
+    body = {
+        "flow": {"A": A.tolist()}, "jump": {"H": H, "dwell_time": [7.25, "inf"]},
+        "output": {"C": C.tolist(), "measured": "periodic", "period": 0.047,
+                   "noise_std": [0.0064], "noise_cv": [0.043]},
+        "observer": {"kind": "impulsive_input", "operator": "integral", "weighting": "plain"},
+    }  # fmt: skip
+    rng, t = np.random.default_rng(seed), 0.047 * np.arange(2600)
+    train = [(15.3 + 9.83 * k, (2.3, -0.45, 2.9, -0.47)[k % 4]) for k in range(10)]
+    y = record(A, H, train, t, np.zeros(2)) @ C.T
+    y = y + np.hypot(0.0064, 0.043 * np.abs(y)) * rng.standard_normal(y.shape)
+    events = events_of(rows_from(observer_of(body), t, y))
+    assert len(events) == len(train)
+    for event, (moment, _) in zip(events, train, strict=True):
+        assert abs(event.t - moment) < 5 * event.t_std

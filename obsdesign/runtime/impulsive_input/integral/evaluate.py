@@ -215,7 +215,7 @@ class Evaluator:
         """White features of a window, and the impulse that explains them best.
 
         None where an onset explains them better that is younger than the margin, or shown by the
-        row behind the window alone: it is dated once it is older, and would be an older impulse.
+        row behind the window alone, where the rule comes to it once more, older: `peak` does not.
         """
         white = whitening(window.taps, window.spread)
         R = white.features(window.error)
@@ -227,9 +227,10 @@ class Evaluator:
         )
         smooth = noise.features.T @ white.T
         impulse = self._fitted(window, noise.responses, noise.features, smooth=smooth)
-        younger = self._cells(window, noise.responses, noise.features).younger_gain
-        is_younger = impulse is not None and younger > impulse.gain + _LEAST_LEAD
-        return noise, None if is_younger else impulse
+        if impulse is not None and self.gains.rule != "peak":
+            younger = self._cells(window, noise.responses, noise.features).younger_gain
+            impulse = None if younger > impulse.gain + _LEAST_LEAD else impulse
+        return noise, impulse
 
     def _decided(
         self, window: Window, noise: WindowNoise, fit: Event, correction: Matrix | None = None
