@@ -204,7 +204,7 @@ def test_coarse_time_stamps_blur_times_alone(ulps: int) -> None:
     )
     assert len(early) == len(late) == 3
     for ours, other, at in zip(late, early, moments, strict=True):
-        assert abs(ours.weights - other.weights)[0] < 0.1 * other.weights_std[0]
-        assert ours.weights_std == pytest.approx(other.weights_std, rel=0.01)
+        assert abs(ours.weights - other.weights)[0] < 0.5 * other.weights_std[0]
+        assert ours.weights_std == pytest.approx(other.weights_std, rel=0.05)
         assert abs(ours.t - begin - at) < 4 * ours.t_std
         assert ours.t_std >= 0.28 * math.ulp(begin)

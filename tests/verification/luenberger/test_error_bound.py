@@ -344,3 +344,24 @@ def test_jumps_have_a_status_for_their_inputs_too() -> None:
     w = np.array([[0.0], [1.0], [-1.5]])
     batch = observer.run_batch(t, np.zeros((3, 1)), None, w, jump)
     assert [LARGE_W in status for status in batch.status] == [False, False, True]
+
+
+def test_gains_are_no_larger_than_the_bounds_need() -> None:
+    """A state that is measured is known as well as its noise by any large gain."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[-0.3, 0.2], [0.3, -0.2]],
+                 "disturbance": {"lower": [-0.3, 0], "upper": [0.3, 0]}},
+        "output": {"C": [[0.05, 0]], "noise_bound": [0.02]},
+        "state": {"lower": [0, 0], "upper": [165, 140]},
+        "parameter": [{"name": "clearance", "range": [0.14, 0.26], "A": [[-1, 0], [0, 0]]}],
+        "observer": {"kind": "luenberger"},
+    }  # fmt: skip
+    bounds = []
+    for options in ({}, {"gains": {"L": [[1.2e8], [3.18]]}}):
+        body["observer"] = {"kind": "luenberger", **options}
+        result = outcome(body)
+        assert result.design is not None
+        bounds.append(np.array(bound(result).evidence["always"]))
+        if not options:
+            assert np.abs(result.design.gains["L"]).max() < 1e5
+    assert (bounds[0] <= 1.1 * bounds[1]).all()
