@@ -139,7 +139,7 @@ def uncertain_warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str
             "It is not proved that the plant by itself tends to zero for all its parameters, on "
             "which it depends whether the estimation error does."
         )
-    if sentences and ERROR_BOUND not in listed:
+    if ERROR_BOUND not in listed:
         sentences.append(f"No bound of the estimation error is claimed: {_missing(problem)}.")
     return tuple(sentences)
 
@@ -148,7 +148,15 @@ def _missing(problem: Problem) -> str:
     """What a bound of the error would need."""
     if reason := reason_against_error_bound(problem):
         return reason.rstrip(".")
-    if not is_bounded(problem.plant, ()):
+    plant = problem.plant
+    bounds = {"flow": (plant.flow.B, plant.flow.input_bound)}
+    if plant.jump is not None:
+        bounds["jump"] = (plant.jump.E, plant.jump.input_bound)
+    if plant.state is None or _has_uncertain_inputs(problem):
+        for name, (matrix, largest) in bounds.items():
+            if matrix is not None and largest is None:
+                return f"it needs {name}.input_bound, the largest known input"
+    if not is_bounded(plant, ()):
         return "it needs bounds of x, [state]"
     return "none is proved for these gains"
 

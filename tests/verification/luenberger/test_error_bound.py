@@ -365,3 +365,27 @@ def test_gains_are_no_larger_than_the_bounds_need() -> None:
         if not options:
             assert np.abs(result.design.gains["L"]).max() < 1e5
     assert (bounds[0] <= 1.1 * bounds[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "needs"),
+    [
+        ({"state": None}, "[state]"),
+        ({"input": True}, "flow.input_bound"),
+        ({"input": True, "state": None}, "flow.input_bound"),
+    ],
+)
+def test_what_a_bound_would_need_is_said(changes: Body, needs: str) -> None:
+    body = spring()
+    if changes.get("input"):
+        body["flow"]["B"] = [[0], [1]]
+        body["parameter"].append({"name": "gain", "range": [-0.1, 0.1], "B": [[0], [1]]})
+    if "state" in changes:
+        del body["state"]
+        # it oscillates: no box is proved
+        body["parameter"][0]["range"] = [0.8, 1.2]
+    result = outcome(body)
+    assert "error_bound" not in {claim.id for claim in result.claims}
+    assert any(
+        "No bound of the estimation error" in text and needs in text for text in result.warnings
+    )
