@@ -60,13 +60,13 @@ def execute(
     name, remarks, live = data or "standard input", list[str](), data is None
     record = _Record(Layout.from_design(signed, observer), observer, stored, initial, name)
     refuse_late_rows(record.layout, observer, provisional)
-    record.check(data, skip_bad=skip_bad)
+    left_out = LeftOut(record.layout, observer, begins=stored is not None and stored.left_out)
+    record.check(data, left_out, skip_bad=skip_bad)
     with (
         _source(data) as stream, _writer(output) as out, _log(events, observer) as log,
         provisional_lines(provisional, observer, stored, initial, live) as watch,
     ):  # fmt: skip
         arrivals = arrivals_of(record.layout, stored, remark, is_stream=live, watch=watch)
-        left_out = LeftOut(record.layout, observer, begins=stored is not None and stored.left_out)
         arrivals.note = left_out.note
         skip = left_out.skipping(arrivals, remark) if skip_bad else None
         parts, rows = record.begun(stream, arrivals, skip=skip, remark=remarks.append)
@@ -92,15 +92,19 @@ class _Record:
     initial: Sequence[float] | None
     name: str
 
-    def check(self, data: str | None, *, skip_bad: bool) -> None:
-        """InputError, before anything is written, for a file that is no record; none is a pipe."""
+    def check(self, data: str | None, left_out: LeftOut, *, skip_bad: bool) -> None:
+        """InputError, before anything is written, for a file that is no record; none is a pipe.
+
+        What is left out of a file is known before its first estimate is written.
+        """
         if data is None:
             return
         with _opened(data) as stream:
             arrivals = arrivals_of(self.layout, self.stored, discard)
-            skip = discard if skip_bad else None
+            arrivals.note = left_out.note
+            skip = left_out.skipping(arrivals, discard) if skip_bad else None
             _, rows = self.begun(stream, arrivals, skip=skip, remark=discard)
-            deque(rows, maxlen=0)
+            deque(left_out.watched(rows), maxlen=0)
 
     def begun(
         self, stream: TextIO, arrivals: Arrivals, *, skip: Remark | None, remark: Remark

@@ -28,6 +28,9 @@ class LeftOut:
     def __init__(self, layout: Layout, observer: Observer, *, begins: bool) -> None:
         self._has_bounds = pairs(("x1",))[0] in observer.names
         self._may_hold = layout.jump or layout.u > 0 or bool(layout.modes)
+        # an event may be earlier than its stamp; rows of a time act one after the other
+        self._early = 0.0 if layout.clocks is None else max(layout.clocks.errors, default=0.0)
+        self._may_repeat = layout.may_repeat
         self._latest, self._after = -math.inf, -math.inf if begins else math.inf
 
     @property
@@ -41,7 +44,7 @@ class LeftOut:
         def skip(text: str) -> None:
             if self._has_bounds and self._may_hold:
                 since = arrivals.buffer.now - arrivals.buffer.lag  # before, it would be too late
-                self._after = min(self._after, max(self._latest, since))
+                self._after = min(self._after, max(self._latest, since) - self._early)
             remark(text)
 
         return skip
@@ -49,8 +52,8 @@ class LeftOut:
     def note(self, sample: Sample) -> None:
         """A row came too late."""
         held = sample.jump or sample.events or sample.u is not None or sample.mode is not None
-        if self._has_bounds and held:
-            self._after = min(self._after, sample.t)
+        if self._has_bounds and (held or sample.bounds is not None):
+            self._after = min(self._after, sample.t - self._early)
 
     def watched(self, samples: Iterator[Sample]) -> Iterator[Sample]:
         """The rows that are taken."""
@@ -61,7 +64,7 @@ class LeftOut:
     def marked(self, estimates: Iterator[Estimate]) -> Iterator[Estimate]:
         """The estimates, those behind a row that was left out with that reason."""
         for estimate in estimates:
-            if estimate.t > self._after:
+            if estimate.t > self._after or (self._may_repeat and estimate.t == self._after):
                 status = with_reasons(estimate.status, [LEFT_OUT])
                 yield estimate._replace(status=status)
             else:

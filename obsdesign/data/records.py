@@ -55,10 +55,10 @@ def read_samples(
     if skip is not None and header.bounds is not None:
         header = replace(header, bounds=header.bounds.where_lines_are_skipped(name, remark))
     header.remark_on_unused(remark)
+    rows = _rows(lines, header, after, skip)
     if not header.may_be_late:
-        yield from (sample for _, sample in _rows(lines, header, after, skip))
+        yield from (sample for _, sample in rows)
         return
-    rows = _rows(lines, header, -math.inf, skip)
     if arrivals is None:
         yield from sorted((sample for _, sample in rows), key=lambda sample: sample.t)
     else:
@@ -68,23 +68,28 @@ def read_samples(
 def _rows(
     lines: Iterator[tuple[int, str]], header: _Header, after: float, skip: Remark | None
 ) -> Iterator[tuple[int, Sample]]:
-    """Numbers of the lines behind a header, and their samples, as they stand there."""
-    previous, rows = after, 0
+    """Numbers of the lines behind a header, and their samples, as they stand there.
+
+    InputError without any row, but for a later part in which all are skipped.
+    """
+    previous, rows, skipped = -math.inf if header.may_be_late else after, 0, 0
     for number, line in lines:
         where = f"{header.name} line {number}"
         try:
             cells = cells_of(line, where, header.name)
             if not cells or all(not cell.strip() for cell in cells):
                 continue
-            sample = header.sample(cells, where, previous)
+            is_first = not rows and after == -math.inf
+            sample = header.sample(cells, where, previous, is_first=is_first)
         except InputError as error:
             if skip is None:
                 raise
             skip(f"{error} Line {number} is skipped.")
+            skipped += 1
             continue
         previous, rows = -math.inf if header.may_be_late else sample.t, rows + 1
         yield number, sample
-    if not rows:
+    if not rows and not (skipped and after > -math.inf):
         raise InputError(
             f"{header.name}: at least one row of data is required; there is only a header."
         )
@@ -118,7 +123,7 @@ class _Header:
         """May a row arrive after rows of later times?"""
         return self.layout.lag > 0 or RECEIVED in self.places
 
-    def sample(self, cells: list[str], where: str, previous: float) -> Sample:
+    def sample(self, cells: list[str], where: str, previous: float, *, is_first: bool) -> Sample:
         """The sample of a line; InputError if it is none, or not after the time `previous`."""
         if len(cells) != len(self.titles):
             raise InputError(
@@ -126,7 +131,7 @@ class _Header:
                 f"got {len(cells)}."
             )
         sample = _sample(cells, self.places, self.layout, where)
-        if self.layout.modes and sample.mode is None and previous == -math.inf:
+        if self.layout.modes and sample.mode is None and is_first:
             known = ", ".join(self.layout.modes)
             raise InputError(f"{where}: mode is required in the first row ({known}).")
         if self.bounds is not None and self.bounds.titles:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -53,8 +54,35 @@ def test_a_row_with_an_event_that_comes_too_late_is_named_likewise(tank: Path) -
     assert not any(LEFT_OUT in line for line in whole)
     rows[2] = f"{ROWS[2]},4.5"  # more than report_delay late
     late = estimates(tank, rows, f"{HEADER},received")
-    # from its arrival on: the row at 3 was final by then
-    assert [LEFT_OUT in line for line in late] == [False, False, False, True, True]
+    assert [LEFT_OUT in line for line in late] == [False, False, True, True, True]
+
+
+def test_a_row_that_never_comes_in_time_is_known_from_the_start_of_a_file(tank: Path) -> None:
+    rows = [f"{row}," for row in ROWS]
+    rows[2] = f"{ROWS[2]},100"
+    late = estimates(tank, rows, f"{HEADER},received")
+    assert [LEFT_OUT in line for line in late] == [False, False, True, True, True]
+
+
+def test_rows_of_the_same_time_are_behind_it(tank: Path) -> None:
+    rows = ["0,,0,", "2,,0,0.1", "2,five,0,", "2,,0,0.2", "3,,0,"]
+    body = copy.deepcopy(TANK)
+    del body["sensor"][0]["report_delay"]
+    obsdesign.design(obsdesign.Problem.from_dict(body)).save(str(tank / "d.json"))
+    lines = estimates(tank, rows, skip_bad=True)
+    assert [LEFT_OUT in line for line in lines] == [False, True, True, True]
+
+
+def test_a_part_of_nothing_but_bad_lines_is_remembered(tank: Path) -> None:
+    body = copy.deepcopy(TANK)
+    del body["sensor"][0]["report_delay"]
+    obsdesign.design(obsdesign.Problem.from_dict(body)).save(str(tank / "d.json"))
+    state = str(tank / "s.state")
+    assert not any(LEFT_OUT in line for line in estimates(tank, ROWS[:2], state=state))
+    assert estimates(tank, ["2,five,0,"], goes_on=True, skip_bad=True, state=state) == []
+    later = estimates(tank, ROWS[3:], goes_on=True, state=state)
+    assert all(LEFT_OUT in line for line in later)
+    assert len(later) == 3
 
 
 def test_a_late_measurement_alone_is_a_missing_sample(tank: Path) -> None:

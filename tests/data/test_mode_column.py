@@ -21,6 +21,11 @@ def test_a_blank_mode_is_unchanged() -> None:
     assert rows("t,y1,mode\n0,1,open\n1,1,\n2,1, closed\n") == ["open", None, "closed"]
 
 
+def test_a_blank_mode_is_unchanged_in_rows_that_may_be_late() -> None:
+    text = "t,y1,mode,received\n0,1,open,0\n1,1,,1\n2,1,closed,2\n"
+    assert rows(text) == ["open", None, "closed"]
+
+
 @pytest.mark.parametrize(
     ("text", "refusal"),
     [
