@@ -17,7 +17,7 @@ from obsdesign.synthesis.finite_time import minimax
 # where each solver is entered: (module, attribute)
 ENTRIES = {
     "Clarabel": ("clarabel", "DefaultSolver"),
-    "HiGHS": ("highspy", "Highs"),
+    "HiGHS": ("lmi.find.linear_program", "SilentSolver"),
     "CVXPY/Clarabel": ("cvxpy", "Problem"),
     "IPOPT": ("casadi", "nlpsol"),
     "SciPy": ("scipy.optimize", "minimize"),

@@ -57,7 +57,7 @@ def minimise(
     return _solution(program, seconds, iterations)
 
 
-class _Silent(highspy.Highs):  # type: ignore[misc]  # untyped
+class SilentSolver(highspy.Highs):  # type: ignore[misc]  # untyped
     """A solver that writes nothing: from 1.16 on it does so as it is made, before any option."""
 
     def enableCallbacks(self) -> None:
@@ -66,7 +66,7 @@ class _Silent(highspy.Highs):  # type: ignore[misc]  # untyped
 
 
 def _solution(program: highspy.HighsLp, seconds: float, iterations: int | None) -> Matrix | None:
-    solver = _Silent()
+    solver = SilentSolver()
     solver.setOptionValue("output_flag", False)
     solver.setOptionValue("threads", 1)
     if len(program.a_matrix_.value_) >= _LARGE:
