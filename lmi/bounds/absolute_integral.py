@@ -26,6 +26,7 @@ from lmi.arithmetic.balls import (
     exact,
     exp_around,
     exp_times,
+    nearest_float,
     precision,
     rational,
     scalar,
@@ -99,7 +100,7 @@ def cells(F: Exact, first: Balls, time: Rational, length: Rational, count: int) 
     onwards, over = ball_matrix(whole[:n, :n]), ball_matrix(whole[:n, n:])
     half = length / 2
     to_middle, flow = exp_times(F, half), ball(F)
-    around = exp_around(F, math.nextafter(float(half), math.inf))
+    around = exp_around(F, math.nextafter(nearest_float(half), math.inf))
     span, state = scalar(half), first
     for index in range(count):
         middle = to_middle * state

@@ -31,6 +31,7 @@ from lmi.arithmetic.balls import (
     exact,
     exp_times,
     inverse,
+    nearest_float,
     precision,
     rational,
     scalar,
@@ -215,7 +216,7 @@ def _stages(F: Exact, low: float, high: float) -> Iterator[tuple[Rational, Ratio
             left = end - start
             count = _CELLS if used < _MOST else _MOST
             if left <= count * length or used >= _MOST:
-                count = min(count, max(1, math.ceil(float(left / length))))
+                count = min(count, max(1, math.ceil(nearest_float(left / length))))
                 yield start, left / count, count, is_last
                 start = end
                 break

@@ -61,6 +61,7 @@ class SilentSolver(highspy.Highs):  # type: ignore[misc]  # untyped
     """A solver that writes nothing: from 1.16 on it does so as it is made, before any option."""
 
     def enableCallbacks(self) -> None:
+        """As the solver has it, silently."""
         self.setOptionValue("output_flag", False)
         super().enableCallbacks()
 
