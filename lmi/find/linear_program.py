@@ -58,17 +58,20 @@ def minimise(
 
 
 class SilentSolver(highspy.Highs):  # type: ignore[misc]  # untyped
-    """A solver that writes nothing: from 1.16 on it does so as it is made, before any option."""
+    """A solver that writes nothing: from 1.16 on HiGHS does so as callbacks are enabled."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setOptionValue("output_flag", False)
 
     def enableCallbacks(self) -> None:
-        """As the solver has it, silently."""
+        """As the solver has it, silently; called as it is made."""
         self.setOptionValue("output_flag", False)
         super().enableCallbacks()
 
 
 def _solution(program: highspy.HighsLp, seconds: float, iterations: int | None) -> Matrix | None:
     solver = SilentSolver()
-    solver.setOptionValue("output_flag", False)
     solver.setOptionValue("threads", 1)
     if len(program.a_matrix_.value_) >= _LARGE:
         solver.setOptionValue("solver", "ipm")

@@ -16,8 +16,11 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from lmi.arithmetic.units import balance, reachable
+from obsdesign.equations.gains import PlantGains
 from obsdesign.runtime.step_cache import cached_step
 
+# lengths whose maps are kept
+_RECENT = 1024
 _TERMS = 16
 _POWERS = np.arange(float(_TERMS))
 # of the lengths between two powers of two; with more, steps are too long for any to share a cell
@@ -42,9 +45,18 @@ class FlowCells:
         # exponent of h -> its octave [span, 2 span), and cells per unit of length there
         self._octaves: dict[int, tuple[float, float]] = {}
         self._cells: OrderedDict[tuple[int, int], Matrix] = OrderedDict()
+        self._recent: dict[float, Matrix] = {}
 
     def at(self, h: float) -> Matrix:
-        """The map of a step, (rows, k), a new array."""
+        """The map of a step, (rows, k); of equal steps the same array."""
+        values = self._recent.get(h)
+        if values is None:
+            if len(self._recent) >= _RECENT:
+                self._recent.clear()
+            values = self._recent[h] = self._made(h)
+        return values
+
+    def _made(self, h: float) -> Matrix:
         exponent = math.frexp(h)[1]
         span, density = self._octaves.get(exponent) or self._octave(exponent)
         if not density:
@@ -81,6 +93,19 @@ class FlowCells:
     def _scaled(self, values: Matrix) -> Matrix:
         """In the units of N as it is given."""
         return np.asarray(values[: self._shape[0]] * self._scales)
+
+
+def free_cells(gains: PlantGains) -> FlowCells:
+    """Steps of [x; u; 1] of a plant without any measurement: x' = A x + B u + middle of b."""
+    driven = driven_columns(gains)
+    known = driven.shape[1]
+    return FlowCells(np.block([[gains.A, driven], [np.zeros((known, gains.n + known))]]), gains.n)
+
+
+def driven_columns(gains: PlantGains) -> Matrix:
+    """[B, middle of b], (n, m + 1)."""
+    drift = gains.flow_drift[:, None]
+    return drift if gains.B is None else np.hstack([gains.B, drift])
 
 
 def _rate(N: Matrix) -> float:

@@ -14,8 +14,7 @@ an older measurement.
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -27,13 +26,12 @@ from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.runtime.base import Estimate, Sample, instant, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
-from obsdesign.runtime.flow_cells import FlowCells
+from obsdesign.runtime.flow_cells import FlowCells, free_cells
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
 from obsdesign.runtime.jump import corrected_jump
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, States
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
-from obsdesign.runtime.step_cache import cached_step
 
 # condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
 _ILL_CONDITIONED, _SINGULAR = 1e8, 1e14
@@ -67,12 +65,6 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     gains: ImpulsiveGains
     kind: ClassVar[str] = "impulsive"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[float, Matrix] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
-    _flows: OrderedDict[float, Matrix] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
 
     @property
     def guards(self) -> tuple[DwellGuard, ...]:
@@ -141,8 +133,8 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
 
     def _core_flow(self, spacing: float) -> Matrix:
         if self._core.A is self.gains.A:  # the step to here is this flow
-            return cached_step(self._steps, spacing, self._cells.at)[:, : self.n]
-        return cached_step(self._flows, spacing, self._core_cells.at)
+            return self._cells.at(spacing)[:, : self.n]
+        return self._core_cells.at(spacing)
 
     def _element(self, spacing: float, carry: Matrix | None) -> Element:
         """Full: measured, then moved by a spacing. Compressed: moved, measured at its end."""
@@ -205,20 +197,15 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     def _flow(self, state: ImpulsiveState, t: float) -> Matrix:
         if t == state.t:
             return state.x
-        step = cached_step(self._steps, t - state.t, self._cells.at)
+        step = self._cells.at(t - state.t)
         known = np.concatenate((state.x, state.u, _ONE)) if self._forced else state.x
         return np.asarray(step @ known)
 
     @cached_property
     def _cells(self) -> FlowCells:
         """Steps of [x; u; 1], of x alone where nothing drives the flow."""
-        g = self.gains
-        if not self._forced:
-            return FlowCells(g.A, g.n)
-        drift = g.flow_drift[:, None]
-        driven = drift if g.B is None else np.hstack([g.B, drift])
-        known = driven.shape[1]
-        return FlowCells(np.block([[g.A, driven], [np.zeros((known, g.n + known))]]), g.n)
+        gains = self.gains
+        return free_cells(gains) if self._forced else FlowCells(gains.A, gains.n)
 
     @cached_property
     def _core_cells(self) -> FlowCells:

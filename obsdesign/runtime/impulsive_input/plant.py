@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import OrderedDict
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
 
@@ -11,13 +12,14 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.gains import ImpulsiveInputGains
 from obsdesign.runtime.flow_cells import FlowCells
+from obsdesign.runtime.step_cache import cached_step
 
 Maps = tuple[Matrix, Matrix, Matrix]
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeldPlant:
-    """x' = A x + B u + b_mid, y = C x.
+    """x' = A x + B u + b_mid, y = C x; steps of equal length share their matrices.
 
     A (n, n), B (n, m), C (p, n), H (n, q); drift (n,): b_mid.
     """
@@ -27,6 +29,7 @@ class HeldPlant:
     C: Matrix
     H: Matrix
     drift: Matrix
+    _steps: OrderedDict[float, Maps] = field(default_factory=OrderedDict, repr=False, compare=False)
 
     @classmethod
     def from_gains(cls, gains: ImpulsiveInputGains) -> Self:
@@ -39,6 +42,9 @@ class HeldPlant:
 
     def step(self, h: float) -> Maps:
         """(e^{A h}, its integral over h, its response to a unit ramp)."""
+        return cached_step(self._steps, h, self._maps)
+
+    def _maps(self, h: float) -> Maps:
         flow, once, slope = np.hsplit(self._cells.at(h), 3)
         return flow, once, slope / h
 

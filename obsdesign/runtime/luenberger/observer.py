@@ -10,8 +10,7 @@ then the next sample stands alone. Without any, the plant alone predicts.
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
@@ -22,22 +21,19 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.runtime.base import Estimate, Sample, by_position, instant, vector
+from obsdesign.runtime.base import Estimate, Sample, by_position, centred, instant, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
-from obsdesign.runtime.flow_cells import FlowCells
+from obsdesign.runtime.flow_cells import FlowCells, driven_columns, free_cells
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Outputs, States
 from obsdesign.runtime.status import MISSING_SAMPLE, status_of
-from obsdesign.runtime.step_cache import cached_step
 
 _ONE = np.ones(1)
 # beyond, a step is made where overflow is not a warning
 _LARGE = 1e30
 _FLOAT = np.dtype(np.float64)
-# maps of steps that are kept
-_RECENT = 1024
 # what a slope of y adds in shorter steps is nothing, and neither is finite
 _SHORTEST = 1e-150
 # how an estimate ends that has x alone
@@ -48,7 +44,7 @@ class LuenbergerState(NamedTuple):
     """Everything the next step needs: the estimate x just after time t.
 
     y: measurement that the next step may start from, less the middle of its noise; is_usual: is
-    there such a y, and are all numbers below `_LARGE`?
+    there such a y, are all numbers below `_LARGE`, and is u within its bound?
     """
 
     t: float
@@ -67,10 +63,6 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     gains: LuenbergerGains
     kind: ClassVar[str] = "luenberger"
     finds_events: ClassVar[bool] = False
-    _steps: dict[float, Matrix] = field(default_factory=dict, repr=False, compare=False)
-    _free_steps: OrderedDict[float, Matrix] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
 
     @property
     def guards(self) -> tuple[DwellGuard, ...]:
@@ -107,7 +99,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             return None
         if y.dtype is not _FLOAT or y.shape != start.shape or not _moderate(y):
             return None
-        h, end = t - since, y - self._noise_centre
+        h, end = t - since, centred(y.copy(), self.gains)
         if not 0.0 < h < self._measured_cells.longest:
             return None
         if guard.last_jump is not None and guard.after(t, False)[1]:
@@ -141,8 +133,9 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             usable = y if when == "after" else None
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         is_usual = usable is not None and all(map(_moderate, (x, usable, u)))
-        is_usual = is_usual and not known.reasons(u, None)
-        following = LuenbergerState(t, x, u, usable, guard, started=True, is_usual=is_usual)
+        following = LuenbergerState(
+            t, x, u, usable, guard, started=True, is_usual=is_usual and not known.reasons(u, None)
+        )
         return following, Estimate(t, x=x, status=status_of(objections, x))
 
     def _flow(self, state: LuenbergerState, t: float, y_end: Matrix | None) -> Matrix:
@@ -152,19 +145,14 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         end = y_end if y_end is not None else start
         h = t - state.t
         if start is None or end is None:
-            known = concatenate((state.x, state.u, _ONE))
-            return np.asarray(cached_step(self._free_steps, h, self._free_cells.at).dot(known))
+            return np.asarray(self._free_cells.at(h).dot(concatenate((state.x, state.u, _ONE))))
         return self._measured(h, state.x, start, state.u, end)
 
     def _measured(self, h: float, x: Matrix, start: Matrix, u: Matrix, end: Matrix) -> Matrix:
         """The estimate after a step h in which y goes from start to end."""
-        step = self._steps.get(h)
-        if step is None:
-            if len(self._steps) >= _RECENT:
-                self._steps.clear()
-            step = self._steps[h] = self._measured_cells.at(h)
         slope = (end - start) / max(h, _SHORTEST)
-        return np.asarray(step.dot(concatenate((x, start, u, _ONE, slope))))
+        known = concatenate((x, start, u, _ONE, slope))
+        return np.asarray(self._measured_cells.at(h).dot(known))
 
     @cached_property
     def _known_inputs(self) -> KnownInputs:
@@ -172,31 +160,17 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
 
     @cached_property
     def _free_cells(self) -> FlowCells:
-        """Steps of [x; u; 1] without any measurement."""
-        driven, g = self._driven, self.gains
-        known = driven.shape[1]
-        return FlowCells(np.block([[g.A, driven], [np.zeros((known, g.n + known))]]), g.n)
+        return free_cells(self.gains)
 
     @cached_property
     def _measured_cells(self) -> FlowCells:
         """Steps of [x; y; u; 1; slope of y]."""
-        driven, g = self._driven, self.gains
+        g, driven = self.gains, driven_columns(self.gains)
         n, p, known = g.n, g.p, driven.shape[1]
         N = np.zeros((n + p + known + p,) * 2)
         N[:n, : n + p + known] = np.hstack([flow_error_matrix(g.A, g.L, g.C), g.L, driven])
         N[n : n + p, -p:] = np.eye(p)
         return FlowCells(N, n)
-
-    @cached_property
-    def _driven(self) -> Matrix:
-        """[B, middle of b], (n, m + 1)."""
-        B, drift = self.gains.B, self.gains.flow_drift[:, None]
-        return drift if B is None else np.hstack([B, drift])
-
-    @cached_property
-    def _noise_centre(self) -> Matrix:
-        centre = self.gains.noise_centre
-        return np.zeros(self.gains.p) if centre is None else centre
 
     def _jump_gain(self, last_jump: float | None, t: float) -> Matrix:
         """M, or where gains follow a schedule, the one for the dwell time that ends at t."""
