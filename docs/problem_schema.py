@@ -18,6 +18,7 @@ from obsdesign.problem.output import Output
 from obsdesign.problem.parameters import Parameter, StateBox
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
+from obsdesign.problem.signal_names import SignalNames
 from obsdesign.problem.timing import Timing
 
 HEAD = {
@@ -45,6 +46,7 @@ BLOCKS = {
     "output": (Output, "y = C x + v."),
     "state": (StateBox, "lower <= x(t) <= upper at every instant, as the user vouches."),
     "timing": (Timing, "What the clocks of events have in common."),
+    "names": (SignalNames, "What signals are called, and their units."),
 }
 CLOCKS = {
     "event": (Event, "A jump by a name of its own, as [jump], on a clock of its own."),

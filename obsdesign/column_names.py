@@ -6,7 +6,7 @@ two: x1_lo, x1_hi.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 TIME, JUMP, STATUS = "t", "jump", "status"
 # names of the events of a row, where events have names
@@ -22,6 +22,8 @@ BOUNDED = ("b", "c", "v")
 # of simulations: states and unknown inputs, which observers do not read
 TRUTH = ("x", "d")
 ENDS = ("lo", "hi")
+# smallest part of the largest coefficient that a linear combination shows
+_NEGLIGIBLE = 1e-3
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
@@ -43,3 +45,19 @@ def data_columns(counts: Mapping[str, int], has_jump: bool) -> tuple[str, ...]:
     """Columns that the data of a plant have, in their usual order; counts: entries by signal."""
     signals = [name for letter in SIGNALS for name in numbered(letter, counts[letter])]
     return (TIME, *signals, *([JUMP] if has_jump else []))
+
+
+def combination(coefficients: Sequence[float], names: Sequence[str]) -> str:
+    """A linear combination of states for people, its first term without a factor: "x1 - 2 x2".
+
+    Terms below 1e-3 of the largest are left out.
+    """
+    largest = max(map(abs, coefficients))
+    pairs = zip(coefficients, names, strict=True)
+    terms = [(value, name) for value, name in pairs if abs(value) >= _NEGLIGIBLE * largest]
+    first, text = terms[0]
+    for value, name in terms[1:]:
+        factor = f"{abs(value / first):.3g}"
+        sign = "-" if value / first < 0 else "+"
+        text += f" {sign} {name}" if factor == "1" else f" {sign} {factor} {name}"
+    return text

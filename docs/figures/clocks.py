@@ -37,7 +37,7 @@ def bounds(
             tally = execute(design, str(data), estimate, initial, None)
             estimates.append(estimate)
             print(f"{tally.good} of {tally.rows} rows ok")
-        compared = Comparison(estimates[1] if others else None, problem.plant)
+        compared = Comparison(estimates[1] if others else None, problem)
         plot_estimate(estimates[0], str(data), str(picture), None, compared)
     print(f"written: {picture}")
 

@@ -34,7 +34,7 @@ def draw(folder: Path) -> None:
             obsdesign.design(problem.for_kind(kind)[0]).save(design)
             tally = execute(design, data, estimates[kind], INITIAL, None)
             print(f"{kind}: {tally.good} of {tally.rows} rows ok")
-        compared = Comparison(estimates["interval"], plant)
+        compared = Comparison(estimates["interval"], problem)
         plot_estimate(estimates["set_membership"], data, picture, None, compared)
     print(f"written: {picture}")
 

@@ -32,7 +32,7 @@ def draw(folder: Path) -> None:
         Path(data).write_text(table_text(record.columns))
         tally = execute(design, data, estimate, INITIAL, None)
         picture = str(folder / "crane_bounds.png")
-        plot_estimate(estimate, data, picture, None, Comparison(plant=plant))
+        plot_estimate(estimate, data, picture, None, Comparison(problem=problem))
     print(f"written: {picture}; {tally.good} of {tally.rows} rows ok")
 
 

@@ -14,6 +14,7 @@ from lmi.prove.hurwitz import prove_hurwitz
 from lmi.rank.witness import MARGIN
 from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
+from obsdesign.column_names import combination, numbered
 
 # A mode counts as unobservable when [A - s I; C] is this close to losing rank, relative to its size
 RANK_TOLERANCE = 1e-10
@@ -63,6 +64,11 @@ class HiddenPart:
 
     basis: Exact
     maps: tuple[Exact, ...]
+
+    def directions(self, names: Sequence[str]) -> str:
+        """Directions of the state that span it, for people; names (n): of the states."""
+        first, *more = (combination(column, names) for column in to_float(self.basis).T.tolist())
+        return f"the direction {first}" if not more else f"the span of {'; '.join([first, *more])}"
 
 
 def hidden_part(maps: Sequence[Array], C: Array) -> HiddenPart | None:
@@ -128,15 +134,26 @@ def _is_at_once(verdict: Verdict) -> bool:
 
 
 def not_detectable(
-    A: Matrix, G: Matrix | None, C: Matrix, ends: tuple[float, float]
+    A: Matrix,
+    G: Matrix | None,
+    C: Matrix,
+    ends: tuple[float, float],
+    names: Sequence[str] = (),
 ) -> dict[str, object] | None:
     """Witness that (A, G, C) is not detectable over the dwell times; None if detectable.
 
-    G: None without jumps; ends: shortest and longest dwell time. The reason, and its witness.
+    G: None without jumps; ends: shortest and longest dwell time; names (n): of the states, x1, ...
+    by default. The reason, and its witness.
     """
+    names = names or numbered("x", len(A))
     if (G is None or math.isinf(ends[1])) and hidden_growth(A, C):
         ending = "there are no jumps" if G is None else "there is no longest dwell time"
-        reason = f"no observer exists: an unobservable mode of flow.A does not decay, and {ending}"
+        unseen = hidden_part([A], C)
+        assert unseen is not None
+        reason = (
+            f"no observer exists: no output shows {unseen.directions(names)}, where a mode of "
+            f"flow.A does not decay, and {ending}"
+        )
         return {"reason": reason}
     hidden = None if G is None else hidden_part([A, G], C)
     if hidden is None:
@@ -145,10 +162,9 @@ def not_detectable(
     verdict = refuted_in_time(flow, jump, *ends)
     if verdict.outcome != "refuted":
         return None
-    part = "a direction" if len(flow) == 1 else f"a {len(flow)}-dimensional part"
     reason = (
-        f"no observer exists: {part} of the state that no output ever sees, along flow and "
-        f"jumps, does not shrink: {verdict.reason}"
+        f"no observer exists: no output ever shows {hidden.directions(names)}, along flow and "
+        f"jumps, which does not shrink: {verdict.reason}"
     )
     return {**verdict.witness, "reason": reason}
 

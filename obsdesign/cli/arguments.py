@@ -147,6 +147,20 @@ def numbers(text: str, option: str) -> list[float]:
     return values
 
 
+def _titles(context: click.Context, option: click.Parameter, value: str | None) -> dict[str, str]:
+    """Column by title from TITLE=COLUMN,...; none where the option is not given."""
+    pairs = [] if value is None else [part.split("=") for part in value.split(",")]
+    if not all(len(pair) == 2 and all(name.strip() for name in pair) for pair in pairs):
+        raise InputError(f"--rename must be TITLE=COLUMN, separated by commas; got {value!r}.")
+    return {title.strip(): column.strip() for title, column in pairs}
+
+
+RENAME = click.option(
+    "--rename", "titles", metavar="TITLE=COLUMN,…", callback=_titles,
+    help="What columns of the data are, beside the names in the problem: speed=y1,volt=u1.",
+)  # fmt: skip
+
+
 def values_by_name(text: str) -> dict[str, float]:
     """name=value,... as --parameters has them."""
     from obsdesign.entries import number_from_text

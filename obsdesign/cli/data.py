@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import click
 
 from obsdesign.cli.arguments import (
     NUMBER,
+    RENAME,
     Count,
     answer_of,
     dwell_times,
@@ -24,6 +26,7 @@ from obsdesign.errors import InputError
 if TYPE_CHECKING:
     from obsdesign.data.simulation import Simulation
     from obsdesign.problem.plant import Plant
+    from obsdesign.problem.problem import Problem
 
 
 @click.command()
@@ -117,9 +120,11 @@ def _warn_outside_box(plant: Plant, record: Simulation) -> None:
 )  # fmt: skip
 @click.option("--skip-bad", is_flag=True, help="Report malformed lines and leave them out.")
 @click.option("--strict", is_flag=True, help="Exit code 4 if the status of a row is not ok.")
+@RENAME
 def run(
     *, design_file: str, data: str | None, output: str | None, initial: str | None,
     events: str | None, state: str | None, provisional: str | None, skip_bad: bool, strict: bool,
+    titles: Mapping[str, str],
 ) -> int:  # fmt: skip
     """Execute DESIGN on DATA.csv, or row by row on standard input.
 
@@ -141,6 +146,7 @@ def run(
         state=state,
         skip_bad=skip_bad,
         provisional=provisional,
+        titles=titles,
         remark=warn,
     )
     if not is_quiet():
@@ -162,11 +168,12 @@ def run(
     "--design",
     "design_file",
     type=click.Path(),
-    help="Draw the sensor strips of the plant of this design, and the widths.",
+    help="Draw the names and sensor strips of the plant of this design, and the widths.",
 )
+@RENAME
 def plot(
     *, estimate: str, data: str | None, output: str, events: str | None, beside: str | None,
-    design_file: str | None,
+    design_file: str | None, titles: Mapping[str, str],
 ) -> int:  # fmt: skip
     """Picture an estimate file, against the true state where DATA.csv has it.
 
@@ -193,18 +200,18 @@ def plot(
     else:
         from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
 
-        plant = None if design_file is None else _plant_of(design_file)
-        plot_estimate(estimate, data, output, events, Comparison(beside, plant))
+        problem = None if design_file is None else _problem_of(design_file)
+        plot_estimate(estimate, data, output, events, Comparison(beside, problem, titles))
     say(f"written: {output}")
     return 0
 
 
-def _plant_of(design_file: str) -> Plant:
-    """The plant of a design."""
+def _problem_of(design_file: str) -> Problem:
+    """The problem of a design."""
     from obsdesign.design_file import load_design
     from obsdesign.problem.problem import Problem
 
-    return Problem.from_dict(load_design(design_file).problem).plant
+    return Problem.from_dict(load_design(design_file).problem)
 
 
 @click.command()

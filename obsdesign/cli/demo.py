@@ -39,13 +39,13 @@ def run_demo(folder: Path) -> int:
     for kind, design in designs.items():
         if code := _designed(problem, kind, design):
             return code
-    plant = load_for_kind(problem, _KINDS[0])[0].plant
-    _simulate(plant, data)
+    loaded = load_for_kind(problem, _KINDS[0])[0]
+    _simulate(loaded.plant, data)
     for kind, design in designs.items():
         tally = execute(design, data, estimates[kind], _INITIAL_BOUNDS, None)
         click.echo(f"{kind}: {tally.rows} rows of data, guarantee held on {tally.good}")
     own, other = estimates.values()
-    plot_estimate(own, data, picture, None, Comparison(other, plant))
+    plot_estimate(own, data, picture, None, Comparison(other, loaded))
     click.echo("written:")
     for name in (problem, *designs.values(), data, *estimates.values(), picture):
         click.echo(f"  {name}")

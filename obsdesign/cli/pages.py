@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -10,6 +11,7 @@ from obsdesign.cli.arguments import (
     AS_JSON,
     KINDS_OPTION,
     NUMBER,
+    RENAME,
     Count,
     numbers,
     output_option,
@@ -31,11 +33,13 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @click.option("--seed", type=Count(min=0), help="Of the simulation.  [default: 0]")
 @click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
 @KINDS_OPTION
+@RENAME
 @time_option()
 @AS_JSON
 def compare(
     *, problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
-    kinds: list[str], seconds: float | None, as_json: bool, **options: float | None,
+    kinds: list[str], titles: Mapping[str, str], seconds: float | None, as_json: bool,
+    **options: float | None,
 ) -> int:  # fmt: skip
     """Run the observers that PROBLEM admits on the same record, beside a Kalman filter."""
     import numpy as np
@@ -53,7 +57,7 @@ def compare(
     loaded = load_problem(problem)
     start = None if initial is None else numbers(initial, "--initial")
     if data is not None:
-        record = ComparisonRecord.from_file(data, loaded)
+        record = ComparisonRecord.from_file(data, loaded, titles)
     else:
         rng = np.random.default_rng(seed or 0)
         record = ComparisonRecord.from_simulation(loaded.plant, rng=rng, **options)
@@ -79,9 +83,16 @@ def compare(
     help="Draw the bounds of this design of the same plant too.  [default: of kind interval, if "
     "DESIGN is of kind set_membership]",
 )
+@RENAME
 @output_option("report.html", "HTML file.")
 def report(
-    *, design_file: str, data: str | None, initial: str | None, beside: str | None, output: str
+    *,
+    design_file: str,
+    data: str | None,
+    initial: str | None,
+    beside: str | None,
+    output: str,
+    titles: Mapping[str, str],
 ) -> int:
     """Prove DESIGN again and show it on one page: guarantees, claims, gains, an estimate."""
     from obsdesign.cli.answers import EXIT_CODES
@@ -92,7 +103,7 @@ def report(
 
     refuse_overwriting(output, design_file, data, beside)
     start = None if initial is None else numbers(initial, "--initial")
-    outcome = write_report(design_file, output, DataSource(data, start), beside)
+    outcome = write_report(design_file, output, DataSource(data, start, titles), beside)
     if outcome.verdict == "refuted":
         failed = [claim for claim in outcome.claims if claim.verdict == "refuted"]
         say("refuted: " + "; ".join(f"{c.id}: {reason(c)}" for c in failed))

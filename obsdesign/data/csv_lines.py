@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import TextIO
 
 from obsdesign.errors import InputError
 
 # characters: hundreds of columns of numbers in full
 _LONGEST_LINE = 2**20
+# columns that have no other titles than their own
+OWN_TITLES: Mapping[str, str] = MappingProxyType({})
 _NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
 
 
@@ -39,10 +42,24 @@ def cells_of(line: str, where: str, name: str) -> list[str]:
         raise InputError(f"{where}: not valid CSV: {error}.") from None
 
 
-def read_columns(path: str) -> dict[str, list[str]]:
+def all_titles(names: Mapping[str, str], further: Mapping[str, str]) -> Mapping[str, str]:
+    """Column by title, from names of columns and titles further of these or of the columns."""
+    return {**names, **{title: names.get(of, of) for title, of in further.items()}}
+
+
+def columns_titled(header: Sequence[str], titles: Mapping[str, str]) -> list[str]:
+    """The columns that the titles of a header stand for; titles: column by another title of it."""
+    stripped = [title.strip() for title in header]
+    if stripped:
+        stripped[0] = stripped[0].removeprefix("\ufeff")  # the mark of UTF-8 by some programs
+    return [titles.get(title, title) for title in stripped]
+
+
+def read_columns(path: str, titles: Mapping[str, str] = OWN_TITLES) -> dict[str, list[str]]:
     """A whole CSV file by column, as text: what a picture is made of.
 
-    InputError when it cannot be read or its rows differ in length.
+    titles: column by another title of it. InputError when it cannot be read, a column stands twice
+    or its rows differ in length.
     """
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:
@@ -53,7 +70,11 @@ def read_columns(path: str) -> dict[str, list[str]]:
             header = next(rows, (1, []))[1]
             if not header:
                 raise InputError(f"{path}: a header line is required; the file is empty.")
-            table: dict[str, list[str]] = {title.strip(): [] for title in header}
+            columns = columns_titled(header, titles)
+            table: dict[str, list[str]] = {column: [] for column in columns}
+            if len(table) < len(columns):
+                twice = next(column for column in columns if columns.count(column) > 1)
+                raise InputError(f"{path}: column {twice!r} stands twice in the header.")
             for number, cells in rows:
                 if cells and len(cells) != len(header):
                     raise InputError(

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TextIO
 
 from obsdesign.data.arrivals import Arrivals, Remark
+from obsdesign.data.csv_lines import OWN_TITLES
 from obsdesign.data.csv_text import estimate_header, estimate_line, event_line
 from obsdesign.data.late_run import (
     arrivals_of,
@@ -42,13 +43,15 @@ _MOSTLY_VOID = 0.5  # of the rows, from which the data is hardly of this plant
 def execute(
     design: str, data: str | None, output: str | None, initial: Sequence[float] | None,
     events: str | None, *, state: str | None = None, skip_bad: bool = False,
-    provisional: str | None = None, remark: Remark = discard,
+    provisional: str | None = None, titles: Mapping[str, str] = OWN_TITLES,
+    remark: Remark = discard,
 ) -> Tally:  # fmt: skip
     """Write the estimates of a design for DATA to `output`; None is standard input or output.
 
     state: the file with the observer's progress; a run continues from it if it exists, and writes
     it at the end. skip_bad: a malformed line is a remark, not an error. provisional: file of the
-    estimates of rows that an earlier row may still precede. remark: called with these, and at the
+    estimates of rows that an earlier row may still precede. titles: column by another title of it,
+    beside the names in the design. remark: called with these, and at the
     end with claims that are not proved and signs that the data are of another plant.
     A data file is checked whole before anything is written; a pipe is answered row by row.
     """
@@ -58,7 +61,8 @@ def execute(
     _refuse_targets(observer, (design, data), targets)
     stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks, live = data or "standard input", list[str](), data is None
-    record = _Record(Layout.from_design(signed, observer), observer, stored, initial, name)
+    layout = Layout.from_design(signed, observer).with_titles(titles)
+    record = _Record(layout, observer, stored, initial, name)
     refuse_late_rows(record.layout, observer, provisional)
     left_out = LeftOut(record.layout, observer, begins=stored is not None and stored.left_out)
     record.check(data, left_out, skip_bad=skip_bad)

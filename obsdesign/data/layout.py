@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from lmi.arithmetic.arrays import Entries
 from obsdesign.column_names import MODE, TIME, data_columns, numbered
 from obsdesign.data.clock_columns import ClockColumns
+from obsdesign.data.csv_lines import all_titles
 from obsdesign.document import Design
 from obsdesign.errors import InputError, naming
+from obsdesign.problem.signal_names import names_of
 from obsdesign.runtime.base import Observer
 from obsdesign.runtime.bounds import DeclaredBounds
 from obsdesign.runtime.clocks.time_grid import steps_to_row
@@ -24,7 +26,7 @@ class Layout:
     letters of those that stay as declared. clocks: of named events and sensors, whose columns stand
     for y, w and jump; may_repeat: rows may share a time, and act in the order of the file; modes:
     names in the column `mode`, none where the plant has none; dt: step of discrete time, of which
-    each has one row.
+    each has one row; titles: column by another title of it.
     """
 
     y: int
@@ -37,6 +39,7 @@ class Layout:
     may_repeat: bool = False
     modes: tuple[str, ...] = ()
     dt: float | None = None
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     def check_time(self, t: float, previous: float, where: str) -> None:
         """InputError unless a row may follow that of time `previous`, -inf for the first."""
@@ -70,6 +73,7 @@ class Layout:
         layout = replace(
             layout, clocks=clocks, modes=modes, dt=dt,
             may_repeat="sensors" in design.gains and dt is None,
+            titles=names_of(design.problem).columns,
         )  # fmt: skip
         if bounds is None:
             return layout
@@ -84,6 +88,10 @@ class Layout:
         if "d_bounds" in _block(design.problem, "flow") and "D" not in design.gains:
             folded.append("b")
         return replace(layout, bounds=bounds, unused="".join(folded))
+
+    def with_titles(self, titles: Mapping[str, str]) -> Layout:
+        """The same columns under further titles, of each the column or a name of it."""
+        return replace(self, titles=all_titles(self.titles, titles))
 
     def columns(self, header: Sequence[str] = ()) -> tuple[str, ...]:
         """Columns that a file with this header must have, in their usual order."""

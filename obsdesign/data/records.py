@@ -20,7 +20,7 @@ from obsdesign.column_names import MODE, RECEIVED, numbered
 from obsdesign.data.arrivals import Arrivals, Remark
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.data.clock_columns import ClockColumns
-from obsdesign.data.csv_lines import cells_of, lines_of
+from obsdesign.data.csv_lines import cells_of, columns_titled, lines_of
 from obsdesign.data.layout import Layout
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
@@ -107,12 +107,13 @@ class _Header:
 
     @classmethod
     def from_line(cls, line: str, layout: Layout, name: str) -> _Header:
-        titles = [title.strip() for title in cells_of(line, f"{name} line 1", name)]
+        written = cells_of(line, f"{name} line 1", name)
+        titles = columns_titled(written, layout.titles)
         if not titles:
             raise InputError(
                 f"{name}: a header line with column 't', ... is required; the file is empty."
             )
-        places = _places(titles, layout, name)
+        places = _places(titles, written, layout, name)
         bounds = None
         if layout.bounds is not None:
             bounds = BoundColumns(layout.bounds, places, layout.unused)
@@ -177,21 +178,20 @@ class _Header:
             )
 
 
-def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
-    if header and header[0].startswith("\ufeff"):
-        header[0] = header[0].removeprefix("\ufeff")
+def _places(header: list[str], written: list[str], layout: Layout, name: str) -> dict[str, int]:
+    """Where the columns of a layout stand in a header; written: its titles as the file has them."""
     required = layout.columns(header)
     for title in required:
         if title not in header:
-            titles = ", ".join(header)
+            titles = ", ".join(each.strip() for each in written)
+            others = [other for other, column in layout.titles.items() if column == title]
             hint = ""
             if len(header) == 1 and re.search(r"[;\t|]", titles):
                 hint = " Columns are separated by commas."
             elif title.lower() in [name.lower() for name in header]:
                 hint = " Names of columns are in small letters."
-            raise InputError(
-                f"{name}: column {title!r} is required; the header has {titles}.{hint}"
-            )
+            known = " or ".join(map(repr, [title, *others]))
+            raise InputError(f"{name}: column {known} is required; the header has {titles}.{hint}")
     for title in dict.fromkeys((*required, *layout.optional)):
         if header.count(title) > 1:
             raise InputError(

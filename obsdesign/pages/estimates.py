@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,10 +34,14 @@ _INTERVAL_SECONDS = 4.0
 
 @dataclass(frozen=True)
 class DataSource:
-    """What a design is run on: a data file, or none for a simulation; and where it starts."""
+    """What a design is run on: a data file, or none for a simulation; and where it starts.
+
+    titles: column of the file by another title of it.
+    """
 
     path: str | None = None
     initial: Sequence[float] | None = None
+    titles: Mapping[str, str] = field(default_factory=dict)
 
 
 def design_beside(design: Design, path: str | None) -> Design | None:
@@ -99,15 +103,18 @@ def estimate_of(
             initial = start if initial is None else initial
         estimates, picture = str(Path(folder, f"{design.kind}.csv")), str(Path(folder, "e.svg"))
         try:
-            tally = execute(path, source, estimates, initial, None)
+            tally = execute(path, source, estimates, initial, None, titles=data.titles)
         except InputError:
             if data.path is None:  # impulses at unknown times, which this kind cannot detect
                 return None
             raise
-        other = None if beside is None else _other_estimate(beside, folder, source, initial)
-        _draw(design, estimates, source, picture, other)
+        read = replace(data, path=source, initial=initial)
+        other = None if beside is None else _other_estimate(beside, folder, read)
+        _draw(design, estimates, picture, read, other)
         svg = Path(picture).read_text("utf-8")
-        measured = ComparisonRecord.from_file(source, Problem.from_dict(design.problem))
+        measured = ComparisonRecord.from_file(
+            source, Problem.from_dict(design.problem), data.titles
+        )
         designs = (design,) if beside is None else (design, beside)
         rows = _rows_with_kalman(designs, measured, initial)
         bounds = _bounds(design, measured, Table.from_file(estimates))
@@ -144,25 +151,23 @@ def _simulated(design: Design, folder: str) -> tuple[str, list[float] | None] | 
     return source, np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
 
 
-def _other_estimate(
-    other: Design, folder: str, source: str, initial: Sequence[float] | None
-) -> str:
+def _other_estimate(other: Design, folder: str, data: DataSource) -> str:
     """The estimate file of a second design on the same data, by a name of its own."""
     design, estimates = Path(folder, "beside.json"), Path(folder, f"{other.kind}.csv")
     if estimates.exists():
         estimates = Path(folder, f"{other.kind}_beside.csv")
     other.save(design)
-    execute(str(design), source, str(estimates), initial, None)
+    execute(str(design), data.path, str(estimates), data.initial, None, titles=data.titles)
     return str(estimates)
 
 
-def _draw(design: Design, estimates: str, source: str, picture: str, other: str | None) -> None:
-    from obsdesign.pages.plotting.estimate import NOTHING, Comparison, plot_estimate
+def _draw(
+    design: Design, estimates: str, picture: str, data: DataSource, other: str | None
+) -> None:
+    from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
 
-    compared = NOTHING
-    if design.kind in GIVING_BOUNDS:
-        compared = Comparison(other, Problem.from_dict(design.problem).plant)
-    plot_estimate(estimates, source, picture, None, compared)
+    compared = Comparison(other, Problem.from_dict(design.problem), data.titles)
+    plot_estimate(estimates, data.path, picture, None, compared)
 
 
 def _caption(tally: Tally, data: str | None) -> str:

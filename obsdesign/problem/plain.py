@@ -15,6 +15,7 @@ from obsdesign.problem.output import Output
 from obsdesign.problem.parameters import Parameter, StateBox
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.schema import entry_name
+from obsdesign.problem.signal_names import SignalNames
 from obsdesign.problem.timing import Timing
 
 
@@ -29,7 +30,7 @@ def as_block(value: Value) -> Value:
     if isinstance(value, Parameter | StateBox):
         own = {x.name: as_block(getattr(value, x.name)) for x in fields(value)}
         return {name: entry for name, entry in own.items() if entry is not None}
-    if isinstance(value, InputBounds):
+    if isinstance(value, InputBounds | SignalNames):
         return as_block(value.to_entry())
     if isinstance(value, Mapping):
         return {key: as_block(item) for key, item in value.items()}

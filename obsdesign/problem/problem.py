@@ -32,6 +32,7 @@ from obsdesign.problem.parameters import Parameter, StateBox
 from obsdesign.problem.plain import as_block, entries_of
 from obsdesign.problem.plant import Jump, Plant
 from obsdesign.problem.schema_errors import check_structure
+from obsdesign.problem.signal_names import SignalNames
 from obsdesign.problem.timing import Timing
 
 Blocks = Entries
@@ -39,7 +40,7 @@ _Options = TypeVar("_Options", bound=Options)
 
 _KEYS = (
     "name", "flow", "jump", "output", "event", "sensor", "mode", "timing", "parameter", "state",
-    "observer",
+    "names", "observer",
 )  # fmt: skip
 
 
@@ -51,13 +52,15 @@ class Problem:
     (docs/problem_file.md); arrays may be numpy arrays. event, sensor: lists of blocks, in place of
     jump and output where there are several, or they have clocks of their own; mode: list of blocks
     of flows that take turns; timing: block of what clocks have in common; parameter: list of blocks
-    of numbers known up to a range; state: block of bounds of x. gains: by name, in the shapes of
+    of numbers known up to a range; state: block of bounds of x; names: block of what signals are
+    called, and their units. gains: by name, in the shapes of
     the kind (L (n, p), M (n, p), ...). InputError for anything a problem file may not hold; one
     line, which entry, what was required, what arrived.
     """
 
     name: str
     plant: Plant
+    names: SignalNames
     kind: str | None
     gains: Mapping[str, Matrix]
     options: Options
@@ -76,10 +79,11 @@ class Problem:
         timing: Timing | Blocks | None = None,
         parameter: Sequence[Parameter | Blocks] | None = None,
         state: StateBox | Blocks | None = None,
+        names: SignalNames | Blocks | None = None,
     ) -> None:
         plain: NewEntries = {"name": name, "flow": flow, "output": output, "jump": jump}
         plain |= {"event": event, "sensor": sensor, "mode": mode, "timing": timing}
-        plain |= {"parameter": parameter, "state": state, "observer": observer}
+        plain |= {"parameter": parameter, "state": state, "names": names, "observer": observer}
         body: NewEntries = {
             key: as_block(value)
             for key, value in plain.items()
@@ -93,9 +97,12 @@ class Problem:
         gains = observer_options.gains(block.pop("gains", {}), kind, plant)
         refuse_triggers(plant, gains)
         options = observer_options.options(block, kind, plant)
+        signals = SignalNames(**body.get("names", {}))
+        signals.check(plant)
         self.__dict__.update(
-            name=name, plant=plant, kind=kind, gains=MappingProxyType(gains), options=options
-        )
+            name=name, plant=plant, names=signals, kind=kind, gains=MappingProxyType(gains),
+            options=options,
+        )  # fmt: skip
 
     def __reduce__(self) -> tuple[object, ...]:
         return Problem.from_dict, (self.to_dict(),)  # a copy is read-only too
@@ -130,6 +137,8 @@ class Problem:
         blocks |= {"parameter": plant.stated_parameters or None, "state": plant.state}
         body: NewEntries = {"name": self.name}
         body |= {name: as_block(block) for name, block in blocks.items() if block is not None}
+        if stated_names := as_block(self.names):
+            body["names"] = stated_names
         observer = {} if self.kind is None else {"kind": self.kind}
         stated = self.options.to_document()
         if observer or self.gains or stated:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from obsdesign.column_names import numbered
 from obsdesign.document import Claim
 from obsdesign.problem.output import Output
 from obsdesign.problem.problem import Problem
@@ -44,13 +45,23 @@ def sensor_strips(output: Output) -> list[float | None]:
     return strips
 
 
+def state_labels(problem: Problem) -> list[tuple[str, str | None]]:
+    """(name, unit) of each state; the unit is None where none is stated."""
+    n, names = problem.plant.n, problem.names
+    columns = numbered("x", n)
+    return [
+        (name, names.unit(column)) for name, column in zip(names.states_of(n), columns, strict=True)
+    ]
+
+
 def widths_of_claim(
     problem: Problem, claims: tuple[Claim, ...], name: str
 ) -> tuple[StateWidths, ...]:
     """Sensor strip of each state, and its width at all times from a claim, where it is proved."""
     proved_of = {claim.id: claim.evidence for claim in claims if claim.verdict == "proved"}
+    labels = state_labels(problem)
     width = proved_of.get(name, {}).get("always", [None] * problem.plant.n)
     return tuple(
-        StateWidths(f"x{i + 1}", None, strip, width[i], None, None, None)
+        StateWidths(*labels[i], strip, width[i], None, None, None)
         for i, strip in enumerate(sensor_strips(problem.plant.outputs))
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import cycle
 
 import numpy as np
@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from lmi.arithmetic.arrays import Array, Entries, Matrix
+from obsdesign.data.csv_lines import all_titles
 from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths, with_gaps
 from obsdesign.pages.plotting.estimate_record import ONE_JUMP, EstimateRecord, Table
 from obsdesign.pages.plotting.stays import draw_stays
@@ -30,7 +31,8 @@ from obsdesign.pages.plotting.style import (
     check_output,
     picture,
 )
-from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import Problem
+from obsdesign.problem.signal_names import SignalNames
 
 _STACKED = 4  # with more panels there are two columns of them
 _LABELLED = 12  # impulses whose times fit above their bars
@@ -43,21 +45,41 @@ _SYMBOL: Entries = {"rotation": 0, "ha": "right", "va": "center", "fontsize": 11
 
 @dataclass(frozen=True)
 class Comparison:
-    """What bounds are compared with: another estimate file, and sensor strips of a plant."""
+    """What is drawn with an estimate: another estimate file, and what is known of the plant.
+
+    problem: its sensor strips, events, names and units; titles: column of the data by another
+    title of it.
+    """
 
     other: str | None = None
-    plant: Plant | None = None
+    problem: Problem | None = None
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     def strips(self, data: Table) -> Mapping[str, Strip]:
         """Sensor strips by state; none without a plant or data."""
-        return {} if self.plant is None else strips_of(self.plant, data)
+        return {} if self.problem is None else strips_of(self.problem.plant, data)
+
+    @property
+    def has_widths(self) -> bool:
+        """Is there anything that widths are drawn beside?"""
+        return self.other is not None or self.problem is not None
+
+    @property
+    def names(self) -> SignalNames:
+        """Names and units of the signals."""
+        return SignalNames() if self.problem is None else self.problem.names
+
+    @property
+    def columns(self) -> Mapping[str, str]:
+        """Column of the data by every other title of it."""
+        return all_titles(self.names.columns, self.titles)
 
     @property
     def events(self) -> Mapping[str, Sequence[str]]:
         """Columns of each of the plant's events in data; that of jumps without a plant."""
-        if self.plant is None:
+        if self.problem is None:
             return ONE_JUMP
-        return {event.name: event.columns for event in self.plant.events}
+        return {event.name: event.columns for event in self.problem.plant.events}
 
 
 NOTHING = Comparison()
@@ -76,10 +98,11 @@ def plot_estimate(
     """
     check_output(output)
     record = EstimateRecord.from_files(
-        estimate, data, events, compared.other, named=compared.events
-    )  # fmt: skip
+        estimate, data, events, compared.other, named=compared.events, titles=compared.columns
+    )
+    record = replace(record, names=compared.names)
     strips = compared.strips(record.data)
-    if "x1_lo" in record.estimate and not record.has_impulses and compared != NOTHING:
+    if "x1_lo" in record.estimate and not record.has_impulses and compared.has_widths:
         _plot_with_widths(record, strips, output)
         return
     panels = record.panels
@@ -112,7 +135,8 @@ def _plot_with_widths(record: EstimateRecord, strips: Mapping[str, Strip], outpu
 def _finish(figure: FigureBase, axes: Array, lowest: Array, record: EstimateRecord) -> None:
     """Label the time, mark the rows without guarantee, add the legend."""
     for axis in lowest:
-        axis.set_xlabel("time")
+        unit = record.names.time_unit
+        axis.set_xlabel(f"time [{unit}]" if unit else "time")
         axis.tick_params(labelbottom=True)
         _mark_status(axis, record)
     _legend(figure, axes)
@@ -161,21 +185,26 @@ def _state(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None = 
     elif name in data:
         split, pieces = with_gaps(record.data_t, [data.numbers(name)], record.jumps)
         axis.plot(split, pieces[0], color=_TRUTH, lw=0.9 if strip else 1.1, label="true state")
-    axis.set_ylabel(_symbol(name), **_SYMBOL)
+    _label(axis, name, record.names)
     axis.margins(x=0.01)
 
 
-def _symbol(name: str) -> str:
-    """A state as formulas have it; a further direction l as l'x."""
-    symbol = f"{name[0]}_{{{name[1:]}}}"
-    return rf"$\ell_{{{name[1:]}}}'x$" if name[0] == "l" else f"${symbol}$"
+def _label(axis: Axes, name: str, names: SignalNames) -> None:
+    """Name and unit of a signal at its axis; the symbol of formulas where it has no name."""
+    unit, symbol = names.unit(name), f"${name[0]}_{{{name[1:]}}}$"
+    if names.name_of(name) != name:
+        axis.set_ylabel(names.label(name), fontsize=9)
+        return
+    if name[0] == "l":  # a further direction, l'x
+        symbol = rf"$\ell_{{{name[1:]}}}'x$"
+    axis.set_ylabel(f"{symbol} [{unit}]" if unit else symbol, **_SYMBOL)
 
 
 def _measurements(axis: Axes, name: str, record: EstimateRecord) -> None:
     few = len(record.data_t) <= 200
     axis.plot(record.data_t, record.data.drawable(name), "o-" if few else "-", color="0.45", ms=3,
               lw=0.6, label="measured")  # fmt: skip
-    axis.set_ylabel(f"$y_{{{name[1:]}}}$", **_SYMBOL)
+    _label(axis, name, record.names)
 
 
 def _bands(axis: Axes, impulses: Table) -> None:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import JUMP, MODE, TIME
-from obsdesign.data.csv_lines import read_columns
+from obsdesign.data.csv_lines import OWN_TITLES, read_columns
 from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
+from obsdesign.problem.signal_names import SignalNames
 
 # beyond, the drawing library overflows
 _DRAWABLE = 1e100
@@ -30,9 +31,12 @@ class Table:
     columns: Mapping[str, list[str]]
 
     @classmethod
-    def from_file(cls, path: str | None) -> Table:
-        """The table in a file, or an empty one; its rows in the order of time, if they have one."""
-        return cls(str(path), {} if path is None else read_columns(path))._sorted()
+    def from_file(cls, path: str | None, titles: Mapping[str, str] = OWN_TITLES) -> Table:
+        """The table in a file, or an empty one; its rows in the order of time, if they have one.
+
+        titles: column by another title of it.
+        """
+        return cls(str(path), {} if path is None else read_columns(path, titles))._sorted()
 
     def _sorted(self) -> Table:
         if TIME not in self or not len(times := self.numbers(TIME)) or (np.diff(times) >= 0).all():
@@ -89,7 +93,8 @@ class Table:
 class EstimateRecord:
     """An estimate, the data with the truth, and impulses, as files hold them.
 
-    other: the estimate of a second observer, on the same data; happened: times of each event.
+    other: the estimate of a second observer, on the same data; happened: times of each event;
+    names: of states and outputs.
     """
 
     estimate: Table
@@ -99,17 +104,19 @@ class EstimateRecord:
     t: Matrix
     data_t: Matrix
     happened: Mapping[str, Matrix]
+    names: SignalNames = field(default_factory=SignalNames)
 
     @classmethod
     def from_files(
         cls, estimate: str, data: str | None, events: str | None, other: str | None = None,
-        *, named: Mapping[str, Sequence[str]] = ONE_JUMP,
+        *, named: Mapping[str, Sequence[str]] = ONE_JUMP, titles: Mapping[str, str] = OWN_TITLES,
     ) -> EstimateRecord:  # fmt: skip
         """InputError where a file cannot be read, or they are not of one plant.
 
-        named: columns of the data that say when an event happens, by its name.
+        named: columns of the data that say when an event happens, by its name; titles: column of
+        the data by another title of it.
         """
-        estimates, truth = Table.from_file(estimate), Table.from_file(data)
+        estimates, truth = Table.from_file(estimate), Table.from_file(data, titles)
         second = Table.from_file(other)
         t = estimates.numbers("t")
         if not estimates.states or not len(t):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import TIME, numbered
 from obsdesign.data.clock_columns import ClockColumns
-from obsdesign.data.csv_lines import read_columns
+from obsdesign.data.csv_lines import OWN_TITLES, all_titles, read_columns
 from obsdesign.data.layout import Layout
 from obsdesign.data.records import read_samples
 from obsdesign.data.simulation import simulate
@@ -29,13 +30,14 @@ from obsdesign.runtime.base import Observer, rows_of
 class ComparisonRecord:
     """Samples of a plant, and the true x (rows, n), d (rows, q) if known.
 
-    path: the data file that they are of, None for a simulation.
+    path: the data file that they are of, None for a simulation; titles: column by another title.
     """
 
     samples: tuple[Sample, ...]
     x: Matrix | None = None
     d: Matrix | None = None
     path: str | None = None
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     def head(self, rows: int) -> ComparisonRecord:
         """The first rows."""
@@ -48,7 +50,7 @@ class ComparisonRecord:
             if observer.reads["jump"]:
                 return self.samples
             return tuple(sample._replace(jump=False) for sample in self.samples)
-        layout = Layout.from_design(design, observer)
+        layout = Layout.from_design(design, observer).with_titles(self.titles)
         with open(self.path, encoding="utf-8", newline="") as stream:
             return tuple(islice(read_samples(stream, layout, self.path), len(self.samples)))
 
@@ -72,10 +74,16 @@ class ComparisonRecord:
         return ComparisonRecord(tuple(samples), run.block("x"), d if d.size else None)
 
     @staticmethod
-    def from_file(path: str, problem: Problem) -> ComparisonRecord:
-        """A data file, with its truth where it has all of x1, ..., xn (and d1, ...)."""
-        plant = problem.plant
-        flow, columns = plant.flow, read_columns(path)
+    def from_file(
+        path: str, problem: Problem, titles: Mapping[str, str] = OWN_TITLES
+    ) -> ComparisonRecord:
+        """A data file, with its truth where it has all of x1, ..., xn (and d1, ...).
+
+        titles: column by another title of it, beside the names in the problem.
+        """
+        plant, flow = problem.plant, problem.plant.flow
+        known = all_titles(problem.names.columns, titles)
+        columns = read_columns(path, known)
         u = 0 if flow.B is None else flow.B.shape[1]
         w = sum(event.inputs for event in plant.events)
         # impulses of unknown weight may come unannounced
@@ -87,7 +95,7 @@ class ComparisonRecord:
         modes = tuple(mode.name for mode in plant.modes)
         layout = Layout(
             plant.p, u, w, announced, clocks=clocks, modes=modes, dt=flow.dt,
-            may_repeat=not plant.has_one_clock and flow.dt is None,
+            may_repeat=not plant.has_one_clock and flow.dt is None, titles=known,
         )  # fmt: skip
         with open(path, encoding="utf-8", newline="") as stream:
             samples = tuple(read_samples(stream, layout, path))
@@ -96,7 +104,7 @@ class ComparisonRecord:
         order = np.argsort(numbers_from_cells(columns[TIME]), kind="stable")
         x, d = (_truth(columns, *size, path) for size in (("x", plant.n), ("d", q)))
         x, d = (None if truth is None else truth[order] for truth in (x, d))
-        return ComparisonRecord(samples, x, d, path)
+        return ComparisonRecord(samples, x, d, path, titles)
 
 
 def end_of_record(plant: Plant) -> float | None:

@@ -70,7 +70,11 @@ def claims(
         return (agreement,)
     low, _ = problem.require_dwell_time()
     A, C = exact(gains.A), exact(gains.C)
-    claims = [agreement, window_claims.observable(A, C), window_claims.dwell(gains.window, low)]
+    claims = [
+        agreement,
+        window_claims.observable(A, C, problem.names.states_of(problem.plant.n)),
+        window_claims.dwell(gains.window, low),
+    ]
     if isinstance(gains, SamplesGains):
         claims += sampled_claims(gains, low)
     else:

@@ -27,6 +27,7 @@ from lmi.arithmetic.balls import (
 from lmi.prove import exponential_sign as signs
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
+from obsdesign.column_names import combination
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.verification.impulsive_input.directions import ratio_of_weights
@@ -35,15 +36,18 @@ from obsdesign.verification.impulsive_input.witnesses import TooFewFeatures
 PAPER = "Mattsson, Medvedev, ECC 2013"
 
 
-def observable(A: Exact, C: Exact) -> Claim:
-    """(A, C) is observable, exactly; the witness is an unobservable direction."""
+def observable(A: Exact, C: Exact, names: Sequence[str]) -> Claim:
+    """(A, C) is observable, exactly; the witness is an unobservable direction.
+
+    names (n): of the states.
+    """
     rows = [C]
     for _ in range(len(A) - 1):
         rows.append(rows[-1] @ A)
     hidden = fixed_vector(rows)
     verdict = proved(method="rank of [C; C A; ...], exact")
     if hidden is not None:
-        reason = f"the output never sees the direction {shown(hidden)} of the state"
+        reason = f"no output shows the direction {combination(hidden, names)} of the state"
         verdict = refuted({"vector": hidden, "reason": reason})
     return Claim.from_verdict("observable", "the output sees every direction of the state",
                   f"{PAPER}, Section II", verdict)  # fmt: skip

@@ -82,7 +82,8 @@ def _undetectable(problem: Problem) -> NewEntries | None:
     With a structure, of a part of the error that its entries do not correct.
     """
     A, G, C, ends = _plant(problem)
-    return not_detectable(A, G, C, ends) or witness_within_structure(problem)
+    names = problem.names.states_of(problem.plant.n)
+    return not_detectable(A, G, C, ends, names) or witness_within_structure(problem)
 
 
 def _plant(problem: Problem) -> tuple[Array, Array | None, Array, tuple[float, float]]:

@@ -13,7 +13,7 @@ from obsdesign.verification.assumptions import under_assumptions
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from obsdesign.verification.silent_sensors import missing_samples
-from obsdesign.verification.state_widths import StateWidths, sensor_strips
+from obsdesign.verification.state_widths import StateWidths, sensor_strips, state_labels
 
 _ENCLOSURE = (
     "The bounds contain the state at every row, if they contain it at the start, {bounded} and v "
@@ -79,11 +79,11 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
     width = proved.get("width", {}).get("always", none)
     optimal = proved.get("optimal", {})
     best, ratio = optimal.get("least", none), optimal.get("ratio") or none
-    strips = sensor_strips(problem.plant.outputs)
+    labels, strips = state_labels(problem), sensor_strips(problem.plant.outputs)
     if any("C" in parameter.effects for parameter in problem.plant.parameters):
         strips = [None] * n  # how much a sample leaves open depends on x
     return tuple(
-        StateWidths(f"x{i + 1}", None, strip, width[i], None, best[i], ratio[i])
+        StateWidths(*labels[i], strip, width[i], None, best[i], ratio[i])
         for i, strip in enumerate(strips)
     )
 

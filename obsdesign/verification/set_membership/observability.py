@@ -7,6 +7,7 @@ sees contracts by itself.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from obsdesign.analysis.set_membership.requirements import (
     sampled_matrix,
     unobservable_part,
 )
+from obsdesign.column_names import combination
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.set_membership.pattern import Pattern
@@ -72,9 +74,10 @@ def _contracts(
         return _contracts_in_steps(problem, hidden, paranoid)
     dwell, plant = _dwell(problem), problem.plant
     G = None if plant.jump is None else plant.jump.G
-    witness = not_detectable(plant.flow.A, G, sampled_matrix(plant), (dwell.low, dwell.high))
+    ends, names = (dwell.low, dwell.high), problem.names.states_of(plant.n)
+    witness = not_detectable(plant.flow.A, G, sampled_matrix(plant), ends, names)
     if witness is not None:
-        return refuted(_with_direction(witness, hidden))
+        return refuted(_with_direction(witness, hidden, names))
     if G is not None:
         flow, jump = hidden.maps
         return dwell_stability(flow, jump, dwell, certificate, paranoid)
@@ -111,15 +114,16 @@ def _contracts_in_steps(problem: Problem, hidden: HiddenPart, paranoid: bool) ->
         f"by a factor of {radius:.6g}"
     )
     witness = {"spectral_radius": radius, "reason": reason}
-    return refuted(_with_direction(witness, hidden, cycle))
+    return refuted(_with_direction(witness, hidden, problem.names.states_of(plant.n), cycle))
 
 
 def _with_direction(
-    witness: Entries, hidden: HiddenPart, cycle: Exact | None = None
+    witness: Entries, hidden: HiddenPart, names: Sequence[str], cycle: Exact | None = None
 ) -> NewEntries:  # fmt: skip
     """The witness with a direction of the state that does not contract; true of all windows.
 
-    cycle: the map of discrete time that does not contract, None for a flow.
+    names (n): of the states; cycle: the map of discrete time that does not contract, None for a
+    flow.
     """
     F, H = (to_float(X) for X in (hidden.maps[0], hidden.maps[-1]))
     if cycle is not None:
@@ -134,8 +138,7 @@ def _with_direction(
     along = to_float(hidden.basis) @ worst
     along = (along / along[np.abs(along).argmax()]).real
     direction = np.where(np.abs(along) < _ZERO, 0.0, along).tolist()
-    listed = ", ".join(f"{x:.6g}" for x in direction)
-    reason = f"{witness['reason']}; direction of the state that does not contract: ({listed})"
+    reason = f"{witness['reason']}; the worst direction is {combination(direction, names)}"
     return {**witness, "reason": reason, "approx_direction": direction, "of_all_gains": True}
 
 

@@ -74,14 +74,15 @@ def test_a_missing_sample_and_unknown_noise_have_no_strip(tmp_path: Path) -> Non
 
 
 def test_every_event_is_drawn_by_its_name_and_samples_as_dots(tmp_path: Path) -> None:
-    plant = Problem.from_dict(DOSES).plant
+    problem = Problem.from_dict(DOSES)
+    plant = problem.plant
     run = simulate(plant, until=60.0, rng=np.random.default_rng(1))
     data, estimate = tmp_path / "data.csv", str(tmp_path / "e.csv")
     data.write_text(table_text(run.columns))
     bounds = {f"x{i + 1}_{end}": run.block("x")[:, i] + shift
               for i in range(3) for end, shift in (("lo", -1.0), ("hi", 1.0))}  # fmt: skip
     Path(estimate).write_text(table_text({"t": run.t, **bounds}))
-    compared = Comparison(plant=plant)
+    compared = Comparison(problem=problem)
     record = EstimateRecord.from_files(estimate, str(data), None, named=compared.events)
     assert run.happened is not None
     assert {name: list(times) for name, times in record.happened.items()} == {
@@ -112,7 +113,7 @@ def test_two_observers_and_the_sensor_stand_in_one_picture(tmp_path: Path) -> No
     own = _estimates(tmp_path, "set_membership.csv", 0.05, data)
     other = _estimates(tmp_path, "interval.csv", 5.0, data)
     picture = tmp_path / "both.svg"
-    plot_estimate(own, data, str(picture), None, Comparison(other, problem.plant))
+    plot_estimate(own, data, str(picture), None, Comparison(other, problem))
     words = ("set membership", "interval", "sensor strip", "true state", "width of the bounds")
     text = picture.read_text("utf-8")
     assert all(f"<!-- {word}" in text for word in words)

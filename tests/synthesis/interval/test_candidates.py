@@ -222,9 +222,9 @@ def investigated(A: Any, G: Any, C: Any, dwell: Any, **observer: Any) -> obsdesi
     [
         # x1 grows, unseen
         (([[1, 0], [0, -1]], [[1, 0], [0, 0.5]], [[0, 1]], [0.5, 1]),
-         "no observer exists: a direction of the state that no output ever sees, along flow and jumps, does not shrink: at dwell time 1.0"),
+         "no observer exists: no output ever shows the direction x1, along flow and jumps, which does not shrink: at dwell time 1.0"),
         (([[0, 0], [0, -1]], [[0.5, 0], [0, 0.5]], [[0, 1]], [0.5, "inf"]),
-         "no observer exists: an unobservable mode of flow.A does not decay, and there is no longest dwell time"),
+         "no observer exists: no output shows the direction x1, where a mode of flow.A does not decay, and there is no longest dwell time"),
     ],
 )  # fmt: skip
 def test_a_plant_without_any_observer_is_refused(plant: Any, words: str) -> None:
