@@ -8,7 +8,8 @@ from typing import TypeVar
 
 from lmi.arithmetic.arrays import Entries
 from lmi.memory import OversizeError
-from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end, sentences
+from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end
+from lmi.time_budget import sentences as budget_sentences
 from lmi.verdict import overall
 from obsdesign.candidate_choice import answers_of_forms, best_candidate, tried_candidates
 from obsdesign.document import Claim, Design, Guarantee
@@ -17,7 +18,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.kind import Constraints
 from obsdesign.verification.answers import is_ended, reason, with_untried
-from obsdesign.verification.document import document_claim, sentences_from, state_rows
+from obsdesign.verification.document import Sentences, document_claim, sentences_from, state_rows
 from obsdesign.verification.kind import verification_for, verification_of
 from obsdesign.version import provenance
 
@@ -30,7 +31,8 @@ class Outcome:
 
     verdict: "proved", "refuted" if any claim is, else "undecided"; result: further entries of the
     answer in --json. guarantees, warnings: sentences that follow from these claims, never those
-    that stand in a file; none where a file's own statements were not confirmed.
+    that stand in a file; none where a file's own statements were not confirmed. headline: these
+    guarantees in phrases of a few words.
     """
 
     verdict: str
@@ -40,6 +42,7 @@ class Outcome:
     design: Design | None
     guarantees: tuple[Guarantee, ...] = ()
     warnings: tuple[str, ...] = ()
+    headline: tuple[str, ...] = ()
 
 
 def investigate(
@@ -152,19 +155,23 @@ def _attempted(
     if rows := state_rows(problem, claims):
         result |= {"states": rows}
     better = verdict == "proved"
-    if texts := sentences(one for one in remarks if not one.evidence or (better and one.matters)):
+    listed = [one for one in remarks if not one.evidence or (better and one.matters)]
+    if texts := budget_sentences(listed):
         result |= {"remarks": texts}
-    design = _document(problem, best.candidate, claims)
+    sentences = sentences_from(problem, claims)
+    design = _document(problem, best.candidate, claims, sentences)
     outcome = Outcome(
-        verdict, design.kind, claims, result, design, design.guarantees, design.warnings or ()
-    )
+        verdict, design.kind, claims, result, design, sentences.guarantees, sentences.warnings,
+        sentences.headline,
+    )  # fmt: skip
     return _Attempt(outcome, best.candidate.cost, [one for one in remarks if one.evidence])
 
 
-def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...]) -> Design:
+def _document(
+    problem: Problem, candidate: Candidate, claims: tuple[Claim, ...], sentences: Sentences
+) -> Design:
     """The design of a candidate; nothing in it differs from run to run."""
     kind = problem.require_kind()
-    sentences = sentences_from(problem, claims)
     return Design(
         name=problem.name,
         kind=kind,
@@ -230,5 +237,6 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     verdict = overall(claim.verdict for claim in claims)
     result = {"states": rows} if rows else {}
     return Outcome(
-        verdict, design.kind, claims, result, design, sentences.guarantees, sentences.warnings
-    )
+        verdict, design.kind, claims, result, design, sentences.guarantees, sentences.warnings,
+        sentences.headline,
+    )  # fmt: skip

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.cli.summary import show_summary
 from obsdesign.data.simulation import simulate
 from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.problem.options import ImpulsiveOptions, SetMembershipOptions
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.studies.typical import with_typical
 from tests.systems.impulsive_input import record
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
@@ -29,9 +31,17 @@ def of_kind(kind: str) -> list[Path]:
     [path for path in EXAMPLES if path not in of_kind("impulsive_input")],  # rows come late: there
     ids=lambda p: p.stem,
 )
-def test_an_example_is_proved_and_runs(path: Path) -> None:
+def test_an_example_is_proved_and_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     problem = obsdesign.load_problem(path)
-    design = obsdesign.design(problem)
+    outcome = obsdesign.investigate(problem)
+    design = outcome.design
+    assert design is not None
+    show_summary(with_typical(outcome), problem.name)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 13  # two more say what was written and what is next
+    assert "PROVED" in lines[0]
+    assert not any("Theorem" in line for line in lines[1:])
+    assert len([line for line in lines if line.startswith("x")]) == problem.plant.n
     assert obsdesign.verify(design).verdict == "proved"
     record = simulate(problem.plant, rng=np.random.default_rng(2))
     observer = from_design(design)

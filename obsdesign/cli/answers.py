@@ -6,26 +6,25 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from typing import TYPE_CHECKING
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
-from obsdesign.candidate_choice import FormAnswer
-from obsdesign.cli.talk import output_console
-from obsdesign.document import Claim, jsonable
-from obsdesign.pages.key_numbers import numbers_of, state_table
-from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.kind import untried_forms
+from obsdesign.cli.talk import COLOURS, output_console
+from obsdesign.document import jsonable
 from obsdesign.verification.answers import is_ended, more_time, reason
 from obsdesign.workflow import Outcome
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
     from obsdesign.studies.comparison.row import ComparisonRow
+    from obsdesign.studies.search.result import SearchResult
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
-_COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow", "does_not_apply": "dim"}
+_MARKS = {
+    "proved": ("✓", "possible"), "refuted": ("✗", "impossible"), "undecided": ("?", "undecided"),
+    "does_not_apply": ("–", "does not apply"),
+}  # fmt: skip
 
 
 def answer(command: str, outcome: Outcome, result: Entries) -> str:
@@ -48,23 +47,28 @@ def _json(
     return json.dumps(body | {"result": result}, ensure_ascii=False, allow_nan=False)
 
 
-def show_check(answers: Mapping[str, KindAnswer]) -> None:
-    """One line per kind on stdout."""
+def show_check(answers: Mapping[str, KindAnswer], *, hints: bool) -> None:
+    """A line for each kind: the command that builds it, or why there is none.
+
+    hints: what to try where a kind does not apply, too.
+    """
     from rich.markup import escape
     from rich.table import Table
 
-    words = {"proved": "possible", "refuted": "impossible"}
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for title in ("kind", "answer", "why, and what to try next"):
-        table.add_column(title, overflow="fold")
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for _ in range(2):
+        table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
     for kind, answer in answers.items():
-        word = answer.verdict
-        verdict = f"[{_COLOURS[word]}]{words.get(word, word.replace('_', ' '))}[/]"
+        mark, word = _MARKS[answer.verdict]
+        colour = COLOURS[answer.verdict]
         first, *more = answer.reasons or ("",)
         others = f" (and {len(more)} more; --json has all)" if more else ""
-        why = escape(first + others)
-        step = f"[dim]{escape(answer.next_step)}[/]" if answer.next_step else ""
-        table.add_row(kind, verdict, "\n".join(part for part in (why, step) if part))
+        why = escape(f"{word}: {first}{others}") if first else ""
+        with_step = answer.verdict != "does_not_apply" or hints
+        step = escape(answer.next_step.replace("`", "")) if with_step else ""
+        lines = [part for part in (why, f"[dim]{step}[/]" if why and step else step) if part]
+        table.add_row(f"[{colour}]{mark}[/]", kind, "\n".join(lines))
     output_console().print(table)
 
 
@@ -98,25 +102,21 @@ def show_comparison(rows: Sequence[ComparisonRow]) -> None:
         console.print(f"guaranteed by {escape(names)}: {escape(sentence)}")
     for row in rows:
         if row.seconds is None:
-            console.print(f"[{_COLOURS[row.verdict]}]{name_of(row)}[/]: {escape(row.reason)}")
+            console.print(f"[{COLOURS[row.verdict]}]{name_of(row)}[/]: {escape(row.reason)}")
 
 
 def show_bracket(what: str, outcome: Outcome) -> None:
-    """The bracket of a search, in sentences."""
+    """The bracket of a search in a line, and why its far end is not proved."""
     from obsdesign.studies.search.result import SearchResult
 
     result, name = SearchResult.from_dict(outcome.result), what.replace("_", " ")
+    print(f"{name}: {_bracket(result, outcome.verdict)}")
     if result.proved is None:
-        print(f"{name}: nothing is proved ({outcome.verdict}).")
         for claim in outcome.claims:
             if claim.verdict != "proved":
                 print(f"  {claim.id}: {reason(claim)}")
-    else:
-        print(f"{name}: proved at {result.proved!r}")
     if result.not_proved == math.inf and result.proved is not None:
         print("  the search ended there: longer finite dwell times may hold as well")
-    if result.not_proved is not None:
-        print(f"  {result.not_proved_verdict} at {result.not_proved!r}")
     if result.common_P is not None:
         print(f"  one common P proves {result.common_P!r}, windows of dwell times the rest")
     if result.open is not None and result.accuracy is not None and result.open > result.accuracy:
@@ -130,69 +130,28 @@ def show_bracket(what: str, outcome: Outcome) -> None:
         print(f"  not one interval: constant dwell times in [{low:g}, {high:g}] contract as well")
 
 
-def show(outcome: Outcome, numbers: bool = False) -> None:
-    """Verdict and claims as a table on stdout; on demand with the numbers behind them."""
-    from rich.markup import escape
-    from rich.table import Table
-
-    console = output_console()
-    colour = _COLOURS[outcome.verdict]
-    chosen, seconds = outcome.result.get("form"), outcome.result.get("seconds")
-    word = "form " if outcome.kind == "interval" else ""
-    form = "" if chosen is None else f", {word}{chosen}"
-    console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")
-    if rows := outcome.result.get("states"):
-        console.print(_state_table(rows))
-    for warning in outcome.warnings if outcome.verdict != "refuted" else ():
-        console.print(f"[yellow]warning[/]: {escape(warning)}")
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for title in ("verdict", "claim", "what, and why"):
-        table.add_column(title, overflow="fold")
-    for claim in outcome.claims:
-        mark = f"[{_COLOURS[claim.verdict]}]{claim.verdict}[/]"
-        what = escape(_claim_text(claim))
-        if numbers:
-            lines = (f"{name}: {value}" for name, value in numbers_of(claim.evidence))
-            what = "\n".join([what, *(f"[dim]{escape(line)}[/]" for line in lines)])
-        table.add_row(mark, claim.id, what)
-    console.print(table)
-    forms = outcome.result.get("forms", {})
-    untried = _untried_forms(outcome) if forms else set()
-    for label, stated in forms.items():
-        entry = FormAnswer(**stated)
-        wanted = outcome.verdict != "proved" or label not in untried or numbers
-        if wanted and label != chosen and entry.verdict != "proved":
-            why = escape("; ".join(entry.reasons))
-            console.print(f"form {label} is {entry.verdict}: {why}")
-    if numbers and seconds is not None:
-        console.print(f"[dim]designed in {seconds} s[/]")
-    for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
-        word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
-        console.print(f"{word}: {escape(guarantee.statement)}")
+def _bracket(result: SearchResult, verdict: str) -> str:
+    """The bracket as an inequality, its ends with as many digits as tell them apart."""
+    proved, other = result.proved, result.not_proved
+    word = result.not_proved_verdict
+    if proved is None:
+        return f"nothing is proved ({verdict})" + ("" if other is None else f", {other!r} {word}")
+    if other is None:
+        return f"{proved:.10g} proved"
+    if other < proved:
+        low, high = _apart(other, proved)
+        return f"{low} {word} < limit ≤ {high} proved"
+    low, high = _apart(proved, other)
+    return f"{low} proved ≤ limit < {high} {word}"
 
 
-def _state_table(rows: Sequence[Entries]) -> Table:
-    """Widths of each state, the numbers that a design is about."""
-    from rich.table import Table
-
-    titles, *lines = state_table(rows)
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for i, title in enumerate(titles):
-        table.add_column(title, justify="right" if i else "left", no_wrap=i > 0)
-    for line in lines:
-        table.add_row(*line)
-    return table
-
-
-def _untried_forms(outcome: Outcome) -> set[str]:
-    """Forms that synthesis passed over."""
-    if outcome.design is None:
-        return set()
-    problem = Problem.from_dict(outcome.design.problem)
-    return set(untried_forms(problem))
-
-
-def _claim_text(claim: Claim) -> str:
-    if claim.verdict == "proved":
-        return f"{claim.statement} [{claim.source}]"
-    return f"{claim.statement} [{claim.source}]. {claim.verdict.capitalize()}: {reason(claim)}"
+def _apart(low: float, high: float) -> tuple[str, str]:
+    """Two ends with a digit more than tells them apart, the lower rounded down, the upper up."""
+    for digits in range(3, 17):
+        if f"{low:.{digits}g}" != f"{high:.{digits}g}":
+            break
+    ends = []
+    for value, mode in ((low, ROUND_FLOOR), (high, ROUND_CEILING)):
+        with localcontext(prec=digits + 1, rounding=mode):
+            ends.append("inf" if math.isinf(value) else f"{+Decimal(value):f}")
+    return ends[0], ends[1]

@@ -9,7 +9,8 @@ import click
 import numpy as np
 
 from obsdesign import workflow
-from obsdesign.cli.answers import EXIT_CODES, show
+from obsdesign.cli.answers import EXIT_CODES
+from obsdesign.cli.summary import show_summary
 from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
 from obsdesign.data.simulation import simulate
@@ -19,6 +20,7 @@ from obsdesign.output_files import write_text
 from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import load_for_kind
+from obsdesign.studies.typical import with_typical
 
 _KINDS = ("set_membership", "interval")
 _INITIAL_TRUTH = [1.0, 1.0]
@@ -54,12 +56,13 @@ def run_demo(folder: Path) -> int:
 
 def _designed(problem: str, kind: str, design: str) -> int:
     """Write and show a design that is proved, and proved again; the exit code."""
-    outcome = workflow.investigate(load_for_kind(problem, kind)[0])
+    loaded = load_for_kind(problem, kind)[0]
+    outcome = workflow.investigate(loaded)
     if outcome.verdict != "proved" or outcome.design is None:
-        show(outcome)
+        show_summary(outcome, loaded.name)
         return EXIT_CODES[outcome.verdict]
     outcome.design.save(design)
-    show(workflow.verify(load_design(design)))
+    show_summary(with_typical(workflow.verify(load_design(design))), loaded.name)
     return 0
 
 

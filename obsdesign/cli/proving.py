@@ -20,9 +20,10 @@ from obsdesign.cli.arguments import (
 )
 from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, progress_message, say, warn
 from obsdesign.errors import naming
-from obsdesign.kinds import SEARCHES
+from obsdesign.kinds import GIVING_BOUNDS, SEARCHES
 
 if TYPE_CHECKING:
+    from obsdesign.problem.problem import Problem
     from obsdesign.workflow import Outcome
 
 
@@ -46,7 +47,7 @@ def check(problem: str, seconds: float | None, as_json: bool) -> int:
     if as_json:
         click.echo(check_answer(verdict, named))
     elif not is_quiet():
-        show_check(named)
+        show_check(named, hints=is_verbose())
     return EXIT_CODES[verdict]
 
 
@@ -63,8 +64,9 @@ def design(
 ) -> int:  # fmt: skip
     """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
     from obsdesign import workflow
-    from obsdesign.cli.answers import EXIT_CODES, answer, show
+    from obsdesign.cli.answers import EXIT_CODES, answer
     from obsdesign.output_files import refuse_overwriting
+    from obsdesign.studies.typical import with_typical
 
     loaded, dropped = problem_of(problem, kind)
     refuse_overwriting(output, problem)
@@ -75,12 +77,14 @@ def design(
     written = output if keep and outcome.design else None
     if outcome.design and written:
         outcome.design.save(written)
+    with progress_message("simulating"):
+        outcome = with_typical(outcome)
     if as_json:
         gains = outcome.design.gains if outcome.design else {}
         click.echo(answer("design", outcome, {**outcome.result, "file": written, "gains": gains}))
     elif not is_quiet():
-        show(outcome, numbers=is_verbose())
-        say(f"written: {written}" if written else "nothing written")
+        _show(outcome, loaded.name)
+        say(_next_step(loaded, written) if written else "nothing written")
     return EXIT_CODES[outcome.verdict]
 
 
@@ -91,16 +95,17 @@ def design(
 def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
     """Prove everything in DESIGN again, from the file alone and without a solver."""
     from obsdesign import workflow
-    from obsdesign.cli.answers import EXIT_CODES, answer, show
+    from obsdesign.cli.answers import EXIT_CODES, answer
     from obsdesign.design_file import load_design
+    from obsdesign.studies.typical import with_typical
 
     design = load_design(design_file)
     with progress_message("verifying"), naming(design_file):
         outcome = workflow.verify(design, paranoid=paranoid)
     if as_json:
-        click.echo(answer("verify", outcome, outcome.result))
+        click.echo(answer("verify", outcome, with_typical(outcome).result))
     elif not is_quiet():
-        show(outcome, numbers=is_verbose())
+        _show(outcome, design.name, in_a_line=True)
     return EXIT_CODES[outcome.verdict]
 
 
@@ -135,6 +140,25 @@ def search(
     elif not is_quiet():
         show_bracket(what, outcome)
     return EXIT_CODES[outcome.verdict]
+
+
+def _show(outcome: Outcome, name: str, *, in_a_line: bool = False) -> None:
+    """The answer for people; in_a_line: nothing but the title where everything is proved."""
+    from obsdesign.cli.summary import show_details, show_summary, show_title
+
+    if in_a_line and outcome.verdict == "proved" and not is_verbose():
+        show_title(outcome, name)
+        return
+    show_summary(outcome, name)
+    if is_verbose():
+        show_details(outcome)
+
+
+def _next_step(problem: Problem, written: str) -> str:
+    """Where the design is, and the command that runs it."""
+    start = " --initial x1_lo,x1_hi,…" if problem.kind in GIVING_BOUNDS else ""
+    claims = "" if is_verbose() else f" · claims: obsdesign --verbose verify {written}"
+    return f"written {written}{claims}\nnext: obsdesign run {written} data.csv{start}"
 
 
 def _warn_of(kind: str | None, dropped: Sequence[str], outcome: Outcome) -> None:

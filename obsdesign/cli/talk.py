@@ -18,6 +18,8 @@ import click
 if TYPE_CHECKING:
     from rich.console import Console
 
+# of verdicts, on a terminal
+COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow", "does_not_apply": "dim"}
 # seconds of processor time without a message, and seconds between two checks
 _WHILE, _CHECK_SECONDS = 2.0, 0.25
 

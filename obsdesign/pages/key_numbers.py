@@ -36,13 +36,37 @@ def _number(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float | np.number) else str(value)
 
 
+# columns of the table of states: entry of a row, title
+_COLUMNS = {
+    "strip": "sensor strip", "width": "guaranteed width", "error": "guaranteed error",
+    "typical": "typical", "best": "best possible",
+}  # fmt: skip
+_MOST_STATES = 12
+# a width above so many sensor strips is more than rounding
+_WIDER = 1.001
+
+
 def state_table(rows: Sequence[Entries]) -> list[list[str]]:
-    """Widths of each state as text, the titles first; `StateWidths` has what they mean."""
-    titles = {"strip": "sensor strip", "width": "certified width", "best": "least possible",
-              "ratio": "ratio"}  # fmt: skip
-    table = [["state", *titles.values()]]
-    for row in rows:
+    """Numbers of each state as text, the titles first; `StateWidths` has what they mean.
+
+    Columns that no state has a number for are left out, and so are states beyond twelve.
+    """
+    shown = {key: title for key, title in _COLUMNS.items()
+             if any(row.get(key) is not None for row in rows)}  # fmt: skip
+    if not any(row["width"] is not None for row in rows) and "typical" in shown:
+        shown["typical"] = "typical error" if "strip" not in shown else "typical width"
+    table = [["state", *shown.values(), ""]]
+    for row in rows[:_MOST_STATES]:
         unit = "" if row["unit"] is None else f" [{row['unit']}]"
-        numbers = ("-" if row[key] is None else f"{row[key]:.4g}" for key in titles)
-        table.append([row["name"] + unit, *numbers])
+        numbers = ("–" if row.get(key) is None else f"{row[key]:.3g}" for key in shown)
+        table.append([row["name"] + unit, *numbers, _remark(row)])
+    if len(rows) > _MOST_STATES:
+        table.append([f"{len(rows) - _MOST_STATES} more: --json", *[""] * len(shown), ""])
     return table
+
+
+def _remark(row: Entries) -> str:
+    """A remark on a state whose bounds are guaranteed wider than one sample alone leaves them."""
+    strip, width = row["strip"], row["width"]
+    is_wider = strip is not None and width is not None and width > _WIDER * strip
+    return "> sensor strip" if is_wider else ""

@@ -10,6 +10,7 @@ from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.headline import headline
 from obsdesign.verification.kind import StatesWidths, Warns, conclusions_of
 from obsdesign.verification.same_evidence import (
     ADDED_CLAIMS,
@@ -26,10 +27,11 @@ from obsdesign.verification.same_evidence import (
 
 @dataclass(frozen=True)
 class Sentences:
-    """What follows from claims: guarantees, and warnings."""
+    """What follows from claims: guarantees, warnings, and the guarantees in a few words."""
 
     guarantees: tuple[Guarantee, ...] = ()
     warnings: tuple[str, ...] = ()
+    headline: tuple[str, ...] = ()
 
 
 def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
@@ -44,7 +46,7 @@ def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
         for entry in kind.guarantees(problem, claims)
     )
     warnings = kind.warnings(problem, claims) if isinstance(kind, Warns) else ()
-    return Sentences(guarantees, warnings)
+    return Sentences(guarantees, warnings, headline(problem, claims))
 
 
 def state_rows(problem: Problem, claims: tuple[Claim, ...]) -> list[NewEntries]:

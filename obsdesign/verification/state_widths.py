@@ -14,20 +14,21 @@ from obsdesign.problem.problem import Problem
 
 @dataclass(frozen=True)
 class StateWidths:
-    """Widths of the bounds of a state; None where there is none.
+    """Widths of the bounds of a state, or errors of its estimate; None where there is none.
 
     strip: what one sample alone leaves open, where an output is this state alone; width: certified;
-    typical: mean over the default simulation; best: no observer can guarantee less; ratio: of width
-    and best.
+    typical: mean width, or |error|, over the default simulation; best: no observer can guarantee
+    less; ratio: of width and best; error: certified bound of |error|.
     """
 
     name: str
     unit: str | None
-    strip: float | None
-    width: float | None
-    typical: float | None
-    best: float | None
-    ratio: float | None
+    strip: float | None = None
+    width: float | None = None
+    typical: float | None = None
+    best: float | None = None
+    ratio: float | None = None
+    error: float | None = None
 
 
 def sensor_strips(output: Output) -> list[float | None]:
@@ -55,13 +56,30 @@ def state_labels(problem: Problem) -> list[tuple[str, str | None]]:
 
 
 def widths_of_claim(
-    problem: Problem, claims: tuple[Claim, ...], name: str
+    problem: Problem, claims: tuple[Claim, ...], *names: str
 ) -> tuple[StateWidths, ...]:
-    """Sensor strip of each state, and its width at all times from a claim, where it is proved."""
+    """Sensor strip and width of each state: that of the first claim that is proved.
+
+    Of modes the largest of all.
+    """
     proved_of = {claim.id: claim.evidence for claim in claims if claim.verdict == "proved"}
     labels = state_labels(problem)
-    width = proved_of.get(name, {}).get("always", [None] * problem.plant.n)
+    stated = [proved_of[name]["always"] for name in names if name in proved_of]
+    width = [None] * problem.plant.n
+    if stated:
+        width = np.atleast_2d(stated[0]).max(axis=0).tolist()
     return tuple(
-        StateWidths(*labels[i], strip, width[i], None, None, None)
+        StateWidths(*labels[i], strip, width[i])
         for i, strip in enumerate(sensor_strips(problem.plant.outputs))
     )
+
+
+def errors_of_claim(
+    problem: Problem, claims: tuple[Claim, ...], name: str, entry: str
+) -> tuple[StateWidths, ...]:
+    """The bounds of |error| of each state in an entry of a claim; none unless it is proved."""
+    stated = [c.evidence[entry] for c in claims if c.id == name and c.verdict == "proved"]
+    if not stated:
+        return ()
+    pairs = zip(state_labels(problem), stated[0], strict=True)
+    return tuple(StateWidths(name, unit, error=error) for (name, unit), error in pairs)

@@ -449,7 +449,9 @@ def test_check_answers_for_every_kind(tmp_path: Path) -> None:
     assert reply["result"]["interval"]["reasons"][0].startswith(
         "jump.H is refused by kind 'interval'"
     )
-    assert "possible" in command("check", ACADEMIC, cwd=tmp_path).stdout
+    lines = command("check", ACADEMIC, cwd=tmp_path).stdout.splitlines()
+    assert lines[0].split()[:4] == ["✓", "interval", "obsdesign", "design"]
+    assert any(line.startswith("–  finite_time      does not apply: ") for line in lines)
 
 
 def test_a_design_never_replaces_its_problem(tmp_path: Path) -> None:

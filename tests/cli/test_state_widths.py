@@ -48,19 +48,22 @@ def test_both_commands_give_the_same_numbers_of_each_state(
     assert [row["strip"] for row in rows] == [None, 0.03]
     assert {"name", "unit", "strip", "width", "typical", "best"} < set(rows[0])
     assert all(row["best"] <= row["width"] for row in rows)
-    assert "set_membership, window of 8 stages" in _answer(
-        capsys, "design", str(problem), "-o", str(design)
-    )
-    shown = _answer(capsys, "verify", str(design))
+    shown = _answer(capsys, "design", str(problem), "-o", str(design))
+    assert "set_membership, window of 8 stages" in shown
+    assert f"{rows[0]['width']:.3g}" in shown
+    assert "observable_window" not in shown
+    shown = _answer(capsys, "--verbose", "verify", str(design))
     assert shown.index("sensor strip") < shown.index("observable_window")
-    assert f"{rows[0]['width']:.4g}" in shown
+    assert len(_answer(capsys, "verify", str(design)).splitlines()) == 1
 
 
-def test_a_kind_without_such_numbers_has_no_rows(
+def test_a_point_observer_has_the_typical_error_of_each_state(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     problem = tmp_path / "problem.toml"
     text = PROBLEM.replace("set_membership", "luenberger").replace("window = 8", "poles = [-3, -4]")
     problem.write_text(text.replace('measured = "periodic"\nperiod = 0.1', ""))
     command = ["design", str(problem), "-o", str(tmp_path / "d.json"), "--json"]
-    assert "states" not in json.loads(_answer(capsys, *command))["result"]
+    rows = json.loads(_answer(capsys, *command))["result"]["states"]
+    assert [row["name"] for row in rows] == ["x1", "x2"]
+    assert all(row["width"] is row["strip"] is None and 0 < row["typical"] < 0.1 for row in rows)

@@ -74,7 +74,7 @@ def test_no_color_is_respected(academic_design: Path) -> None:
             cwd=ROOT, env=environment, capture_output=True, text=True, check=True,
         )  # fmt: skip
         shown[name] = done.stdout
-    assert "\x1b[32m" in shown["coloured"]
+    assert "\x1b[1;32m" in shown["coloured"]
     assert "\x1b[3" not in shown["plain"]
 
 

@@ -74,7 +74,7 @@ def test_the_command_line(tmp_path: Path) -> None:
     design, data, estimate, png = (
         str(tmp_path / name) for name in ("d.json", "data.csv", "est.csv", "e.png")
     )
-    made = cli("design", str(EXAMPLES[0]), "-o", design)
+    made = cli("--verbose", "design", str(EXAMPLES[0]), "-o", design)
     assert made.returncode == 0, made.stderr
     assert "invariant zeros -4" in " ".join(made.stdout.split())
     assert cli("verify", design).returncode == 0

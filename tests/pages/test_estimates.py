@@ -60,7 +60,7 @@ def test_a_page_draws_both_observers_and_the_strip(own: str, tmp_path: Path) -> 
         if row and row[0] in ("set membership", "interval")
     }
     assert width["set membership"] <= width["interval"]
-    assert ("least possible" in page) == (own == "set_membership")
+    assert ("best possible" in page) == (own == "set_membership")
 
 
 def test_a_page_of_tight_bounds_has_the_interval_observer_by_itself(tmp_path: Path) -> None:

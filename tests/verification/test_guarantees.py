@@ -12,8 +12,8 @@ import pytest
 from click.testing import CliRunner
 
 import obsdesign
-from obsdesign.cli.answers import show
 from obsdesign.cli.commands import cli
+from obsdesign.cli.summary import show_details
 from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.pages.curves import curve_of
@@ -47,12 +47,12 @@ def test_what_verify_could_not_confirm_is_not_called_guaranteed(
     academic_design: Path, tmp_path: Path
 ) -> None:
     unconfirmed(academic_design, tmp_path / "d.json")
-    done = ran("verify", tmp_path / "d.json")
+    done = ran("--verbose", "verify", tmp_path / "d.json")
     assert done.return_value == 3
     assert "guaranteed:" not in done.output
     assert "dwell_stability could not be confirmed" in " ".join(done.output.split())
     # the twin: the same file as it was written
-    done = ran("verify", academic_design)
+    done = ran("--verbose", "verify", academic_design)
     assert done.return_value == 0
     assert done.output.count("\nguaranteed:") == 7
 
@@ -86,7 +86,7 @@ def test_every_sentence_falls_with_any_claim_it_rests_on(
         named = [entry for entry in left if claim.id in entry.claims]
         assert not any(entry.given for entry in (left if k == 0 else named)), claim.id
         opened = replace(outcome, verdict="undecided", claims=tuple(claims), guarantees=left)
-        show(opened)
+        show_details(opened)
         printed = " ".join(capsys.readouterr().out.split())
         for entry in left:
             text = " ".join(entry.statement.split())

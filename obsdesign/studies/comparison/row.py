@@ -16,6 +16,7 @@ from obsdesign.document import Design
 from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
+from obsdesign.runtime.base import Estimate
 from obsdesign.studies.comparison.kalman import kalman_filter, tuned_walk
 from obsdesign.studies.comparison.record import ComparisonRecord
 
@@ -51,19 +52,14 @@ class ComparisonRow:
 
 def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
-    observer = from_design(design)
-    begin = start if design.kind in GIVING_BOUNDS else start.mean(axis=1)
-    samples = record.samples_for(design, observer)
-    state = observer.start(samples[0].t, begin.reshape(-1).tolist())
     clock = time.process_time()
-    estimates = list(estimates_of(observer, state, iter(samples)))
+    estimates = estimates_on(design, record, start)
     seconds = (time.process_time() - clock) / len(estimates)
     numbers: NewEntries = {
         "seconds": seconds,
         "without": sum(estimate.status != "ok" for estimate in estimates),
     }
-    good = np.array([estimate.status == "ok" for estimate in estimates])
-    good[: int(_LATE * len(good))] = False
+    good = late_rows(estimates)
     if estimates[0].lower is not None:
         low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
         numbers |= {"width": _size((high - low)[good])}
@@ -74,6 +70,22 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
             x = (low + high) / 2
     d = None if estimates[-1].d is None else np.array([estimate.d for estimate in estimates])
     return numbers | _errors(record, x, d, good)
+
+
+def estimates_on(design: Design, record: ComparisonRecord, start: Matrix) -> list[Estimate]:
+    """Estimates of a design on a record, started in the bounds (n, 2) or their middle."""
+    observer = from_design(design)
+    begin = start if design.kind in GIVING_BOUNDS else start.mean(axis=1)
+    samples = record.samples_for(design, observer)
+    state = observer.start(samples[0].t, begin.reshape(-1).tolist())
+    return list(estimates_of(observer, state, iter(samples)))
+
+
+def late_rows(estimates: Sequence[Estimate]) -> NDArray[np.bool_]:
+    """The rows of the last half whose guarantee holds."""
+    good = np.array([estimate.status == "ok" for estimate in estimates])
+    good[: int(_LATE * len(good))] = False
+    return good
 
 
 def _errors(

@@ -12,6 +12,7 @@ from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.finite_time.discrete_time import step_window_guarantees
 from obsdesign.verification.finite_time.evidence import DesignEvidence, TheoremEvidence
+from obsdesign.verification.state_widths import StateWidths, errors_of_claim
 
 # rounding of the data is amplified beyond this: most of the 16 digits are at stake
 _LARGE_AMPLIFICATION = 1e6
@@ -149,6 +150,11 @@ def _in_coordinates(
         f"{back:.6g} times that ((13) is true for S A S^-1, C S^-1, S L)."
     )
     return Guarantee.from_verdicts(text, ["theorem_1_coordinates"], evidence.verdicts)
+
+
+def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
+    """Proved bound of the error of each state at a sample."""
+    return errors_of_claim(problem, claims, "error_radius", "largest_error")
 
 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:

@@ -94,12 +94,12 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
 
 
 def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
-    """Sensor strip and proved width of each state, of a plant with several clocks."""
+    """Sensor strip and proved width of each state, with samples where a width with them is."""
     if problem.plant.uncertain_events:
         return widths_of_claim(problem, claims, "late_width")
-    if not problem.plant.needs_clock_gains:
-        return ()
-    return widths_of_claim(problem, claims, "event_width")
+    if problem.plant.needs_clock_gains:
+        return widths_of_claim(problem, claims, "event_width")
+    return widths_of_claim(problem, claims, "sampled_stability", "sampled_width", "width")
 
 
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:

@@ -30,6 +30,7 @@ from obsdesign.verification.interval.mode_width import (
 )
 from obsdesign.verification.modes import STABILITY, consistent_modes, in_all_modes
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
+from obsdesign.verification.state_widths import StateWidths, widths_of_claim
 
 _NO_WIDTH = (
     "No width of the bounds is proved: no tube was found on a graph of entries and events. Longer "
@@ -125,6 +126,11 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
             sentences.append((f"{measured}, asymptotically the width is at most {text}.", ids))
     entries = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     return (*entries, Guarantee.from_verdicts(ROUNDED_WIDTHS, enclosing, verdicts))
+
+
+def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
+    """Sensor strip and proved width of each state, the largest of all modes."""
+    return widths_of_claim(problem, claims, WIDTH)
 
 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:

@@ -9,9 +9,11 @@ from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import IDS, constraint_sentences
+from obsdesign.verification.luenberger import error_bound
 from obsdesign.verification.luenberger.discrete_time import step_guarantees
 from obsdesign.verification.luenberger.uncertain import uncertain_guarantees, uncertain_warnings
 from obsdesign.verification.rates import rates_sentence
+from obsdesign.verification.state_widths import StateWidths, errors_of_claim
 
 
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
@@ -48,6 +50,11 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
         sampled = "Convergence for samples at a given spacing is not claimed."
         result.append(Guarantee.not_proved(sampled))
     return tuple(result)
+
+
+def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ...]:
+    """Proved bound of the error of each state, of a plant with parameters."""
+    return errors_of_claim(problem, claims, error_bound.ID, "always")
 
 
 def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:

@@ -83,7 +83,7 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
     if any("C" in parameter.effects for parameter in problem.plant.parameters):
         strips = [None] * n  # how much a sample leaves open depends on x
     return tuple(
-        StateWidths(*labels[i], strip, width[i], None, best[i], ratio[i])
+        StateWidths(*labels[i], strip, width[i], best=best[i], ratio=ratio[i])
         for i, strip in enumerate(strips)
     )
 

@@ -1,0 +1,68 @@
+"""Typical width of bounds, or error of estimates: on the default simulation."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.memory import OversizeError
+from obsdesign.document import Design
+from obsdesign.errors import InputError
+from obsdesign.problem.problem import Problem
+from obsdesign.studies.comparison.record import ComparisonRecord
+from obsdesign.studies.comparison.row import estimates_on, late_rows
+from obsdesign.verification.state_widths import StateWidths, state_labels
+from obsdesign.workflow import Outcome
+
+# rows of the simulation that are used
+_MOST_ROWS = 400
+
+
+def typical_values(design: Design) -> list[float | None]:
+    """Mean width of the bounds of each state, or mean |error| of its estimate.
+
+    Over the last half of the default simulation (seed 0, 400 rows at most), bounds from one unit
+    about the true initial state; rows without guarantee are left out. None where nothing can be
+    simulated, or no such row has finite bounds.
+    """
+    problem = Problem.from_dict(design.problem)
+    unknown: list[float | None] = [None] * problem.plant.n
+    try:
+        rng = np.random.default_rng(0)
+        record = ComparisonRecord.from_simulation(problem.plant, rng=rng).head(_MOST_ROWS)
+        if record.x is None:
+            return unknown
+        start = np.column_stack([record.x[0] - 1, record.x[0] + 1])
+        estimates = estimates_on(design, record, start)
+    except (InputError, OversizeError):
+        return unknown
+    if estimates[0].lower is not None:
+        low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
+        values = high - low
+    elif len(record.x) == len(estimates):
+        values = np.abs(np.array([each.x for each in estimates]) - record.x)
+    else:
+        return unknown
+    return _means(values[late_rows(estimates)])
+
+
+def with_typical(outcome: Outcome) -> Outcome:
+    """The outcome with a typical number of each state in its result, unless it is refuted."""
+    if outcome.design is None or outcome.verdict == "refuted":
+        return outcome
+    labels = state_labels(Problem.from_dict(outcome.design.problem))
+    rows = outcome.result.get("states") or [asdict(StateWidths(*label)) for label in labels]
+    pairs = zip(rows, typical_values(outcome.design), strict=True)
+    stated = [{**row, "typical": value} for row, value in pairs]
+    return replace(outcome, result={**outcome.result, "states": stated})
+
+
+def _means(values: Matrix) -> list[float | None]:
+    """Mean of each column over its finite entries; None where there are none."""
+    means: list[float | None] = []
+    for column in values.T:
+        finite = column[np.isfinite(column)]
+        means.append(float(finite.mean()) if finite.size else None)
+    return means
