@@ -17,7 +17,7 @@ from obsdesign.cli.arguments import (
     output_option,
     time_option,
 )  # fmt: skip
-from obsdesign.cli.talk import is_quiet, say
+from obsdesign.cli.talk import is_quiet, progress_message, say
 from obsdesign.errors import InputError
 
 # the environment variable in which a shell asks for completions
@@ -61,7 +61,8 @@ def compare(
     else:
         rng = np.random.default_rng(seed or 0)
         record = ComparisonRecord.from_simulation(loaded.plant, rng=rng, **options)
-    rows = list(compare_all(loaded, record, start, kinds=kinds, seconds=seconds))
+    with progress_message("comparing observers"):
+        rows = list(compare_all(loaded, record, start, kinds=kinds, seconds=seconds))
     if as_json:
         click.echo(compare_answer(rows))
     elif not is_quiet():
@@ -103,7 +104,8 @@ def report(
 
     refuse_overwriting(output, design_file, data, beside)
     start = None if initial is None else numbers(initial, "--initial")
-    outcome = write_report(design_file, output, DataSource(data, start, titles), beside)
+    with progress_message("proving again"):
+        outcome = write_report(design_file, output, DataSource(data, start, titles), beside)
     if outcome.verdict == "refuted":
         failed = [claim for claim in outcome.claims if claim.verdict == "refuted"]
         say("refuted: " + "; ".join(f"{c.id}: {reason(c)}" for c in failed))

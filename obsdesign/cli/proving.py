@@ -97,12 +97,13 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
     from obsdesign import workflow
     from obsdesign.cli.answers import EXIT_CODES, answer
     from obsdesign.design_file import load_design
-    from obsdesign.studies.typical import with_typical
 
     design = load_design(design_file)
     with progress_message("verifying"), naming(design_file):
         outcome = workflow.verify(design, paranoid=paranoid)
     if as_json:
+        from obsdesign.studies.typical import with_typical  # simulates: people get a line without
+
         click.echo(answer("verify", outcome, with_typical(outcome).result))
     elif not is_quiet():
         _show(outcome, design.name, in_a_line=True)

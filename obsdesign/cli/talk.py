@@ -10,18 +10,19 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Event, Thread
+from threading import Timer
 from typing import TYPE_CHECKING
 
 import click
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress
 
 # of verdicts, on a terminal
 COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow", "does_not_apply": "dim"}
-# seconds of processor time without a message, and seconds between two checks
-_WHILE, _CHECK_SECONDS = 2.0, 0.25
+# seconds without a message
+_WHILE = 2.0
 
 
 def on_stderr(line: str) -> None:
@@ -59,21 +60,39 @@ def warn(text: str) -> None:
 
 @contextmanager
 def progress_message(doing: str) -> Iterator[None]:
-    """Print one line on standard error if the block takes longer than `_WHILE` seconds."""
-    done, start = Event(), time.process_time()
+    """Show on a terminal what a block does and for how long, once it takes over `_WHILE` s."""
+    if not _wants_progress():
+        yield
+        return
+    started = time.monotonic()
+    displays: list[Progress] = []
 
-    def watch() -> None:
-        while not done.wait(_CHECK_SECONDS):
-            if time.process_time() - start > _WHILE:
-                on_stderr(f"obsdesign: still {doing} after {_WHILE:g} s")
-                return
+    def show() -> None:
+        from rich.console import Console
+        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    if not is_quiet():  # checked here: the other thread has no context
-        Thread(target=watch, daemon=True).start()
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        display = Progress(*columns, console=Console(stderr=True), transient=True)
+        task = display.add_task(doing)
+        display.tasks[task].start_time = display.get_time() - (time.monotonic() - started)
+        display.start()
+        displays.append(display)
+
+    timer = Timer(_WHILE, show)
+    timer.daemon = True
+    timer.start()
     try:
         yield
     finally:
-        done.set()
+        timer.cancel()
+        timer.join()
+        for display in displays:
+            display.stop()
+
+
+def _wants_progress() -> bool:
+    """Is standard error a terminal that wants more than plain lines?"""
+    return not is_quiet() and "NO_COLOR" not in os.environ and sys.stderr.isatty()
 
 
 def output_console() -> Console:
@@ -93,7 +112,7 @@ def output_console() -> Console:
 @contextmanager
 def progress_bar(doing: str) -> Iterator[Callable[[int, int], None]]:
     """A bar for (done, total) on a terminal that wants one; nothing elsewhere."""
-    if is_quiet() or "NO_COLOR" in os.environ or not sys.stderr.isatty():
+    if not _wants_progress():
         yield lambda done, total: None
         return
     from rich.console import Console

@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping
 
 from lmi.arithmetic.arrays import Entries
-from obsdesign.analysis.set_membership.requirements import pattern_of
 from obsdesign.document import Claim
 from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.problem.problem import Problem
@@ -89,6 +88,8 @@ def _spacing(problem: Problem, proved: _Proved) -> str:
     if "sampled_stability" in proved:
         return f"widths with a sample every {_in_unit(problem.plant.output.sample_period, problem)}"
     if "width" in proved and problem.kind == "set_membership":
+        from obsdesign.analysis.set_membership.requirements import pattern_of  # of this kind alone
+
         return f"widths with {pattern_of(problem.plant)}"
     if "width" in proved and "sampled_width" not in proved and problem.kind == "interval":
         return "widths with y measured continuously"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pty
 import shutil
 import subprocess
 import sys
@@ -101,3 +102,28 @@ def test_completion_scripts_are_what_the_shell_reads(shell: str) -> None:
     assert f"_OBSDESIGN_COMPLETE={shell}_complete" in done.output
     if shutil.which(shell):
         subprocess.run([shell, "-n"], input=done.output, text=True, check=True)
+
+
+SLOW = """
+import time
+from obsdesign.cli import talk
+talk._WHILE = 0.05
+with talk.progress_message("thinking"):
+    time.sleep(0.5)
+"""
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_a_terminal_shows_what_takes_long_and_nothing_else_does(is_terminal: bool) -> None:
+    outer, inner = pty.openpty()
+    environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"} | {"TERM": "xterm"}
+    done = subprocess.run(
+        [sys.executable, "-c", SLOW], cwd=ROOT, env=environment, stdout=subprocess.PIPE,
+        stderr=inner if is_terminal else subprocess.PIPE, check=True,
+    )  # fmt: skip
+    os.close(inner)
+    shown = os.read(outer, 10_000) if is_terminal else done.stderr
+    os.close(outer)
+    assert done.stdout == b""
+    assert (b"thinking" in shown) is is_terminal
+    assert is_terminal or not shown
