@@ -26,6 +26,10 @@ _TYPES: dict[str, type] = {
     "format": str, "version": int, "name": str, "kind": str, "problem": dict, "gains": dict,
     "claims": list, "guarantees": list, "warnings": list, "provenance": dict, "digest": str,
 }  # fmt: skip
+_OF_PROBLEM = (
+    "{path}: a design file is required; this is a problem file. "
+    "`obsdesign design {path}` designs it."
+)
 _SINCE_WARNINGS = ("warnings",)  # keys that files of the first release lack
 
 
@@ -39,6 +43,8 @@ def load_design(path: str | os.PathLike[str]) -> Design:
     try:
         body = parse_json(text, parse_float=_finite, parse_int=_whole)
     except (ValueError, RecursionError) as error:
+        if str(path).lower().endswith(".toml"):
+            raise InputError(_OF_PROBLEM.format(path=path)) from None
         where = f" ({error})" if text.strip() else " (the file is empty)"
         raise InputError(f"{path}: not a design file: not valid JSON{where}.") from None
     return from_dict(body, str(path))
@@ -89,11 +95,11 @@ def from_dict(body: Value, path: str = "design") -> Design:
 
 def _check_format(body: Value, path: str) -> None:
     """InputError unless this is a design of this version, with its keys and no others."""
+    if isinstance(body, dict) and "flow" in body and "format" not in body:
+        raise InputError(_OF_PROBLEM.format(path=path))
     if not isinstance(body, dict) or body.get("format") != FORMAT:
         arrived = shown(body.get("format")) if isinstance(body, dict) else type(body).__name__
-        raise InputError(
-            f"{path}: format must be {FORMAT!r}; got {arrived}. Is this a problem file?"
-        )
+        raise InputError(f"{path}: format must be {FORMAT!r}; got {arrived}.")
     if type(body.get("version")) is not int or body["version"] != VERSION:
         raise InputError(
             f"{path}: version must be {VERSION}; got {shown(body.get('version'))}. "

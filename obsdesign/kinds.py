@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Literal
 
 from obsdesign.errors import InputError
@@ -116,4 +117,6 @@ def kind_named(name: str) -> Kind:
     for kind in _TABLE:
         if kind.name == name:
             return kind
-    raise InputError(f"kind must be one of {', '.join(KINDS)}; got {name!r}.")
+    near = get_close_matches(name, KINDS, 1)
+    hint = f" Did you mean {near[0]!r}?" if near else ""
+    raise InputError(f"kind must be one of {', '.join(KINDS)}; got {name!r}.{hint}")

@@ -96,5 +96,12 @@ def number_in(
     if not abs(value) <= LARGEST:
         empty = " or empty" if title[0] in (*SIGNALS, *BOUNDED) else ""
         what = "a finite number" if not math.isfinite(value) else f"at most {LARGEST:g} in size"
-        raise InputError(f"{where}: {title} must be {what}{empty}; got {shown(text)}.")
+        raise InputError(f"{where}: {title} must be {what}{empty}; got {shown(text)}.{_hint(text)}")
     return value
+
+
+def _hint(text: str) -> str:
+    """The likely cause of a cell that is no number."""
+    if re.match(r"\d{4}-\d\d-\d\d|\d\d:\d\d", text):
+        return " Times are numbers in the time unit of flow.A, not dates or clock times."
+    return " Decimals have a point." if re.fullmatch(r"[+-]?\d+,\d+", text) else ""

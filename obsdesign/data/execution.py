@@ -27,6 +27,7 @@ from obsdesign.data.left_out import LeftOut
 from obsdesign.data.records import discard, read_samples
 from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
 from obsdesign.data.tally import Tally
+from obsdesign.data.time_scale import TimeScale
 from obsdesign.design_file import load_design
 from obsdesign.document import Design
 from obsdesign.errors import InputError
@@ -64,6 +65,7 @@ def execute(
     layout = Layout.from_design(signed, observer).with_titles(titles)
     record = _Record(layout, observer, stored, initial, name)
     refuse_late_rows(record.layout, observer, provisional)
+    scale = TimeScale(signed.problem)
     left_out = LeftOut(record.layout, observer, begins=stored is not None and stored.left_out)
     record.check(data, left_out, skip_bad=skip_bad)
     with (
@@ -74,14 +76,15 @@ def execute(
         arrivals.note = left_out.note
         skip = left_out.skipping(arrivals, remark) if skip_bad else None
         parts, rows = record.begun(stream, arrivals, skip=skip, remark=remarks.append)
-        rows = left_out.watched(rows)
+        rows = scale.watched(left_out.watched(rows))
         estimates = parts.estimates(rows, live=live)
         if state is None:
             late = arrivals if record.layout.lag > 0 else None
             estimates = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
         tally = _write(observer, left_out.marked(estimates), out, log, live=live)
     _save(state, signed, replace(parts.progress, left_out=left_out.counts), arrivals)
-    for text in [*_unproved(design, signed), *remarks, *_void(name, tally)]:
+    signs = [*_void(name, tally), *scale.remarks(name)]
+    for text in [*_unproved(design, signed), *remarks, *signs]:
         remark(text)
     return tally
 

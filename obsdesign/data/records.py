@@ -127,9 +127,10 @@ class _Header:
     def sample(self, cells: list[str], where: str, previous: float, *, is_first: bool) -> Sample:
         """The sample of a line; InputError if it is none, or not after the time `previous`."""
         if len(cells) != len(self.titles):
+            hint = " Is the decimal sign a comma?" if len(cells) > len(self.titles) else ""
             raise InputError(
                 f"{where}: {len(self.titles)} values are required, one per column; "
-                f"got {len(cells)}."
+                f"got {len(cells)}.{hint}"
             )
         sample = _sample(cells, self.places, self.layout, where)
         if self.layout.modes and sample.mode is None and is_first:

@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 from lmi.arithmetic.arrays import Value
+from obsdesign.document import FORMAT
 from obsdesign.errors import InputError
 from obsdesign.input_files import parse_json, read_text, require_depth
 
@@ -24,6 +25,11 @@ def read_problem_file(path: str | os.PathLike[str]) -> Value:
     except ValueError as error:
         raise InputError(f"{path}: not valid {_complaint(error, text, is_json)}") from None
     require_depth(body, str(path))
+    if isinstance(body, dict) and body.get("format") == FORMAT:
+        raise InputError(
+            f"{path}: a problem file is required; this is a design. `obsdesign verify {path}` "
+            "proves it again."
+        )
     return body
 
 

@@ -234,7 +234,7 @@ def test_a_design_with_a_changed_digit(desk: Path) -> None:
     [
         ("version", 2, "d.json: version must be 1; got 2. Was it written by a newer obsdesign?"),
         ("version", True, "d.json: version must be 1; got True. Was it written by a newer obsdesign?"),
-        ("format", "x", "d.json: format must be 'obsdesign/design'; got 'x'. Is this a problem file?"),
+        ("format", "x", "d.json: format must be 'obsdesign/design'; got 'x'."),
         ("extra", 1, "d.json: unknown key 'extra' in a design file."),
         ("claims", {}, "d.json: claims must be a list; got dict."),
     ],

@@ -1,0 +1,66 @@
+"""A sign that time stamps are in another unit than the plant: milliseconds for seconds, say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from statistics import median
+
+from lmi.arithmetic.arrays import Entries
+from obsdesign.runtime.base import Sample
+
+# intervals of each clock that are looked at
+_MOST_INTERVALS = 200
+# factor from which on a clock is hardly that of the plant
+_FAR = 50.0
+
+
+class TimeScale:
+    """Times between rows and between jumps of a record, beside those that the problem states."""
+
+    def __init__(self, problem: Entries) -> None:
+        """problem: as a design stores it; plants with named clocks are not judged."""
+        jump, output = problem.get("jump", {}), problem.get("output", {})
+        stated = {"output.period": output.get("period"), "jump.dwell_time": jump.get("dwell_time")}
+        self._expected: Mapping[str, tuple[float, float]] = {
+            entry: _ends(value) for entry, value in stated.items() if value is not None
+        }
+        self._intervals: dict[str, list[float]] = {entry: [] for entry in self._expected}
+        self._last: dict[str, float] = {}
+
+    def watched(self, samples: Iterable[Sample]) -> Iterator[Sample]:
+        """The same samples; their times are noted as they pass."""
+        for sample in samples:
+            self._note("output.period", sample.t)
+            if sample.jump:
+                self._note("jump.dwell_time", sample.t)
+            yield sample
+
+    def remarks(self, name: str) -> list[str]:
+        """A remark where the median time of a clock is far from what is stated."""
+        for entry, intervals in self._intervals.items():
+            if not intervals:
+                continue
+            typical, (low, high) = median(intervals), self._expected[entry]
+            if typical > _FAR * high or typical * _FAR < low:
+                between = "rows" if entry == "output.period" else "jumps"
+                stated = f"{low:g}" if low == high else f"[{low:g}, {high:g}]"
+                return [
+                    f"{name}: {between} are {typical:g} apart and {entry} is {stated}. Are the "
+                    "time stamps in the time unit of flow.A?"
+                ]
+        return []
+
+    def _note(self, entry: str, t: float) -> None:
+        intervals = self._intervals.get(entry)
+        if intervals is None or len(intervals) >= _MOST_INTERVALS:
+            return
+        if entry in self._last and t > self._last[entry]:
+            intervals.append(t - self._last[entry])
+        self._last[entry] = t
+
+
+def _ends(value: object) -> tuple[float, float]:
+    """Shortest and longest time of an entry, a number or a pair whose end may be "inf"."""
+    low, high = value if isinstance(value, list | tuple) else (value, value)
+    return float(low), math.inf if high == "inf" else float(high)
