@@ -12,22 +12,19 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.decide.stability import decide
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.analysis.nominal import nominal_problem, reason_against_rate
 from obsdesign.analysis.riccati import FASTER, faster_rates
-from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
-from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.errors import InputError
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.candidate import Candidate, Certificates
+from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.convex_gain import (
     ConvexGain,
     UserConstraints,
@@ -35,7 +32,6 @@ from obsdesign.synthesis.convex_gain import (
     inactive_constraints,
     unmet_constraints,
 )
-from obsdesign.synthesis.dwell import dwell_certificates, stability_options
 from obsdesign.synthesis.given_gains import (
     given_gain,
     refuse_second_choice,
@@ -45,9 +41,13 @@ from obsdesign.synthesis.given_gains import (
 from obsdesign.synthesis.luenberger.constrained_flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.discrete_time import step_candidates
 from obsdesign.synthesis.luenberger.error_bound import known_box
-from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
-from obsdesign.synthesis.luenberger.peak_gains import DrivenPlant, is_noisy, peak_gains
-from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
+from obsdesign.synthesis.luenberger.gain_candidates import with_jump_gain
+from obsdesign.synthesis.luenberger.schedule import check_schedule
+from obsdesign.synthesis.luenberger.searched_gains import (
+    gain_search,
+    is_L_limited,
+    searched_candidates,
+)
 from obsdesign.synthesis.luenberger.uncertain import uncertain_candidates
 from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
 from obsdesign.synthesis.time_scale import pace_without_cycles
@@ -76,10 +76,10 @@ def synthesize_constrained(
             raise InputError(reason)
         own, box = nominal_problem(problem), known_box(problem)
         candidates = synthesize_constrained(own, constraints, budget)
-        if box is not None and is_noisy(own.plant) and _is_L_free(own, constraints):
-            driven = DrivenPlant.from_box(problem.plant, own.plant, box)
-            candidates = itertools.chain(_peak_candidates(own, driven, budget), candidates)
-        yield from uncertain_candidates(problem, candidates, box, budget)
+        search = None if box is None else gain_search(problem, own, box, constraints)
+        if search is not None:
+            candidates = searched_candidates(own, search, candidates, budget)
+        yield from uncertain_candidates(problem, candidates, box, budget, is_L_limited(own))
         return
     refuse_unusable(problem)
     check_schedule(problem)
@@ -93,69 +93,13 @@ def synthesize_constrained(
     for label, L, remarks in _flow_gains(problem, options.decay_rate, wanted["L"]):
         candidate = unmet_constraints(label, "L was")
         if L is not None:
-            candidate = _with_jump_gain(problem, label, L, wanted["M"], budget)
+            candidate = with_jump_gain(problem, label, L, wanted["M"], budget)
         yield replace(
             candidate,
             searched=candidate.searched or is_L_open,
             remarks=(*remarks, *candidate.remarks),
             solvers=merged(L_solvers, candidate.solvers),
         )
-
-
-def _is_L_free(problem: Problem, constraints: UserConstraints | None) -> bool:
-    """Is L open, with nothing stated that chooses or restricts it?"""
-    options = problem.options_as(LuenbergerOptions)
-    is_chosen = options.poles is not None or bool(options.weights)
-    is_open = given_gain(problem, "L") is None and not is_chosen
-    return is_open and all(own.is_free() for own in convex_gains(options, constraints).values())
-
-
-def _peak_candidates(
-    problem: Problem, driven: DrivenPlant, budget: TimeBudget
-) -> Iterator[Candidate]:
-    """Candidates with gains against bounded disturbances; problem: without parameters.
-
-    An M that is open may be zero too: it contracts less at jumps, and adds no noise there.
-    """
-    wanted = convex_gains(problem.options_as(LuenbergerOptions), None)
-    choices = [("", problem)]
-    if given_gain(problem, "M") is None:
-        zero = np.zeros((problem.plant.n, problem.plant.p))
-        body = problem.to_dict()
-        body["observer"]["gains"] = {**body["observer"].get("gains", {}), "M": zero.tolist()}
-        choices.append((", M = 0", Problem.from_dict(body)))
-    for label, L in peak_gains(driven):
-        for beside, own in choices:
-            candidate = _with_jump_gain(own, label + beside, L, wanted["M"], budget)
-            yield replace(
-                candidate, searched=True, solvers=merged(("Clarabel",), candidate.solvers)
-            )
-
-
-def _with_jump_gain(
-    problem: Problem, label: str, L: Matrix, wanted: ConvexGain, budget: TimeBudget
-) -> Candidate:
-    """The candidate of a flow gain L (n, p): M as given, or of the largest margin."""
-    plant, options = problem.plant, problem.options_as(LuenbergerOptions)
-    rate = options.decay_rate
-    F = flow_error_matrix(plant.flow.A, L, plant.output.C)
-    shifted = F + rate * np.eye(plant.n)
-    if options.schedule is not None:
-        return scheduled_candidate(problem, label, L, shifted, budget, wanted=wanted)
-    M = given_gain(problem, "M")
-    is_open, M_solvers, remarks = M is None, cast(Solvers, ()), tuple[Remark, ...]()
-    if M is None:
-        # the largest margin over all dwell times
-        solution, remarks = single_jump_gain(problem, shifted, budget, wanted)
-        if solution is None and wanted.user is not None:
-            return unmet_constraints(label, "M was")
-        M = np.zeros((plant.n, plant.p))
-        if solution is not None:
-            M, M_solvers = solution.M[0], solution.solvers
-    gains = LuenbergerGains.from_plant(plant, L=L, M=M)
-    certificates = _certificates(problem, F, M, rate, budget)
-    solvers = merged(M_solvers, certificates.solvers)
-    return Candidate(label, gains, certificates.evidence, is_open, remarks=remarks, solvers=solvers)
 
 
 def _flow_gains(
@@ -242,22 +186,3 @@ def _wanted_flow_gains(
         return
     text = f"no L was found for {wanted.text()}; the condition used is sufficient, not necessary"
     yield "L = 0", zero, (Remark(text),)
-
-
-def _certificates(
-    problem: Problem, F: Matrix, M: Matrix, rate: float, budget: TimeBudget
-) -> Certificates:
-    """Certificates of stability; with a decay rate, the P of F + rate I serves both claims."""
-    plant = problem.plant
-    if plant.jump is None:
-        return Certificates()
-    ends = problem.require_dwell_time()
-    H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
-    options = stability_options(problem, budget)
-    if rate == 0:
-        return dwell_certificates(F, H, *ends, **options)
-    verdict = decide(F + rate * np.eye(plant.n), H, *ends, **options)
-    shared = Certificates({"dwell_stability": verdict.evidence})
-    if not {"P", "windows"} & set(verdict.evidence):
-        shared = dwell_certificates(F, H, *ends, **options)
-    return shared.joined(Certificates({"decay_rate": verdict.evidence}, verdict.solvers))

@@ -1,113 +1,146 @@
-"""Gains L against bounded disturbance, noise and effects of parameters.
+"""Gains L, M against bounded disturbance, noise and effects of parameters.
 
-First by the matrix inequality of `lmi.find.peak_to_peak`, its rate by a line search; then the sum
-of the states' bounds int |e^(Fs) E| ds, in units of the box of x, is made smaller by a simplex
-search. Jumps are left out of both: M is chosen for these L, and certified bounds choose among all.
+L first by the matrix inequality of `lmi.find.peak_to_peak`, its rate by a line search, jumps left
+out; then the sum of the states' bounds, in units of the box of x, is made smaller by a simplex
+search over all entries that are open, from the best of several gains. What is searched are
+estimates of the bounds; certified bounds choose among all candidates.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import to_float
-from lmi.arithmetic.exponential import expm
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.peak_to_peak import DisturbedOutput, peak_gain
-from obsdesign.analysis.folded import StateBounds
-from obsdesign.analysis.luenberger.driven_error import driven_error
-from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.problem.plant import Plant
-from obsdesign.synthesis.luenberger.error_bound import KnownBox
+from obsdesign.synthesis.convex_gain import ConvexGain
+from obsdesign.synthesis.luenberger.driven_plant import DrivenPlant, GainPair
 
 # rates of the inequality, in parts of the plant's fastest mode
 _RATES = tuple(2.0**k for k in range(-3, 7))
 _REFINED = tuple(2.0**k for k in (-0.5, 0.5))
-# evaluations of the simplex search, for each entry of L
+# evaluations of the simplex search, for each open entry
 _EVALUATIONS = 60
+# its first steps: parts of an entry, of the plant's unit of it where it is zero
+_STEP, _STEP_FROM_ZERO = 0.05, 0.1
 # part of the bounds that smaller gains may cost, and how often an entry is halved
-_SPARED, _HALVINGS = 0.05, 60
-# the integral: cells of this part of 1 / ||F||, so many of each length, each length twice the last
-_REACH, _CELLS_LOG2, _STAGES, _DECAY = 0.05, 6, 40, 14.0
+_SPARED, _HALVINGS = 0.02, 60
 
 
 @dataclass(frozen=True)
-class DrivenPlant:
-    """The nominal plant, columns E (n, k) of what acts on e whatever L is, V (p,) of noise.
+class GainSearch:
+    """Search of the entries that are open, of the gains `free` ("L", "M"), under constraints."""
 
-    units (n,): in which bounds of e are added.
-    """
+    driven: DrivenPlant
+    wanted: dict[str, ConvexGain]
+    free: tuple[str, ...]
 
-    plant: Plant
-    E: Matrix
-    V: Matrix
-    units: Matrix
+    def cost(self, gains: GainPair) -> float:
+        """Estimate of the bounds' sum; infinite where the error does not decay."""
+        with np.errstate(all="ignore"):
+            return self.driven.cost(gains)
 
-    @staticmethod
-    def from_box(uncertain: Plant, nominal: Plant, box: KnownBox) -> DrivenPlant:
-        """In units of the box; effects of parameters on y count as noise of their largest size."""
-        n, p = nominal.n, nominal.p
-        zero = np.zeros((n, p))
-        gains = LuenbergerGains.from_plant(nominal, L=zero, M=zero)
-        E = to_float(driven_error(uncertain, gains, box.bounds).E)
-        radius = nominal.output.noise_radius
-        V = np.zeros(p) if radius is None else radius
-        V = V + _output_effects(uncertain, box.bounds)
-        return DrivenPlant(nominal, E, V, box.units)
+    def first_flow_gain(self) -> Matrix | None:
+        """L of the matrix inequality, held to the constraints; None where it meets them not."""
+        if "L" not in self.free:
+            return None
+        with np.errstate(all="ignore"):
+            L = _least_peak(self.driven)
+        if L is None:
+            return None
+        gains = self._rounded(GainPair(L, np.zeros(L.shape)))
+        F, _ = self.driven.matrices(gains)
+        return gains.L if self.wanted["L"].is_met(gains.L, F) else None
 
-    def cost(self, L: Matrix) -> float:
-        """Sum of the bounds of e in these units, in floats; infinite where e does not decay."""
-        F = self.plant.flow.A - L @ self.plant.output.C
-        E = np.hstack([self.E, L * self.V])
-        return float((_integrals(F, E) / self.units[:, None]).sum())
+    def improved_flow_gain(self, L: Matrix) -> Matrix:
+        """L searched for the least bounds without jumps."""
+        alone = replace(self, driven=replace(self.driven, K=None), free=("L",))
+        gains = alone.improved([GainPair(L, 0 * L)])
+        return L if gains is None else gains.L
 
+    def improved(self, starts: list[GainPair]) -> GainPair | None:
+        """The gains of the least cost that a search from the best of these meets."""
+        costs = [self._admitted_cost(gains) for gains in starts]
+        if not (costs and self.free) or not math.isfinite(min(costs)):
+            return None
+        start = starts[int(np.argmin(costs))]
+        scales = [self._scale(name, start) for name in self.free]
+        x = np.concatenate([getattr(start, name).ravel() for name in self.free])
+        scale = np.concatenate([values.ravel() for values in scales])
+        open_entries = np.flatnonzero(np.concatenate([self._pattern(name) for name in self.free]))
 
-def is_noisy(plant: Plant) -> bool:
-    """Has every output noise? Without, no gain would be too large."""
-    radius = plant.output.noise_radius
-    return radius is not None and bool((radius > 0).all())
+        def gains_of(z: Matrix) -> GainPair:
+            values = x.copy()
+            values[open_entries] = z * scale[open_entries]
+            parts = np.split(values, len(self.free))
+            shaped = zip(self.free, parts, strict=True)
+            return self._rounded(
+                start._replace(**{name: part.reshape(start.L.shape) for name, part in shaped})
+            )
 
+        first = (x / scale)[open_entries]
+        steps = np.where(first != 0, _STEP * first, _STEP_FROM_ZERO)
+        options = {
+            "maxfev": _EVALUATIONS * len(first), "xatol": 1e-3, "fatol": 1e-4,
+            "initial_simplex": np.vstack([first, first + np.diag(steps)]),
+        }  # fmt: skip
+        result = minimize(
+            lambda z: self._admitted_cost(gains_of(z)), first, method="Nelder-Mead", options=options
+        )
+        return self._moderate(gains_of(result.x))
 
-def peak_gains(driven: DrivenPlant) -> Iterator[tuple[str, Matrix]]:
-    """Yield the gain of a search from that of the inequality, and that one; with labels."""
-    first = _least_peak(driven)
-    if first is None:
-        return
-    shape, scale = first.shape, np.abs(first).ravel()
-    scale = np.where(scale > 0, scale, scale.max() or 1.0)
+    def _moderate(self, gains: GainPair) -> GainPair:
+        """The gains with entries halved as long as the bounds hardly grow.
 
-    def cost(x: Matrix) -> float:
-        return driven.cost((x * scale).reshape(shape))
+        A state that is measured is known as well as its noise by any gain that is large enough.
+        """
+        most = (1 + _SPARED) * self.cost(gains)
+        for name in self.free:
+            for place in np.ndindex(gains.L.shape):
+                for factor in (0.0, *[0.5] * _HALVINGS):
+                    smaller = getattr(gains, name).copy()
+                    smaller[place] *= factor
+                    other = gains._replace(**{name: smaller})
+                    if smaller[place] == getattr(gains, name)[place]:
+                        break
+                    if self._admitted_cost(other) <= most:
+                        gains = other
+                    elif factor:
+                        break
+        return gains
 
-    options = {"maxfev": _EVALUATIONS * first.size, "xatol": 1e-3, "fatol": 1e-4}
-    with np.errstate(all="ignore"):
-        result = minimize(cost, first.ravel() / scale, method="Nelder-Mead", options=options)
-    searched = (result.x * scale).reshape(shape)
-    if np.isfinite(searched).all():
-        yield "peak-to-peak L, then searched", _moderate(driven, searched)
-    yield "peak-to-peak L", first
+    def _admitted_cost(self, gains: GainPair) -> float:
+        """The cost; infinite for gains that the constraints exclude."""
+        for name, X in zip("LM", self.driven.matrices(gains), strict=True):
+            if X is None or name not in self.free:
+                continue
+            if not self.wanted[name].is_met(getattr(gains, name), X):
+                return math.inf
+        return self.cost(gains)
 
+    def _rounded(self, gains: GainPair) -> GainPair:
+        """Open gains with the zeros that are wanted, their norms below the largest ones."""
+        return gains._replace(
+            **{name: self.wanted[name].rounded(getattr(gains, name)) for name in self.free}
+        )
 
-def _moderate(driven: DrivenPlant, L: Matrix) -> Matrix:
-    """L with entries halved as long as the bounds hardly grow: where they need none, large ones.
+    def _pattern(self, name: str) -> Matrix:
+        pattern, shape = self.wanted[name].stated.pattern, self.driven.plant.output.C.T.shape
+        return np.ones(math.prod(shape)) if pattern is None else np.array(pattern).ravel()
 
-    A state that is measured is known as well as its noise by any gain that is large enough.
-    """
-    L, most = L.copy(), (1 + _SPARED) * driven.cost(L)
-    for place in np.ndindex(L.shape):
-        for factor in (0.0, *[0.5] * _HALVINGS):
-            smaller = L.copy()
-            smaller[place] *= factor
-            if driven.cost(smaller) <= most:
-                L = smaller
-            elif factor:
-                break
-    return L
+    def _scale(self, name: str, start: GainPair) -> Matrix:
+        """Sizes of the entries; where they are zero, a unit of x for the unit of y that it is."""
+        units, plant = self.driven.units, self.driven.plant
+        outputs = np.abs(plant.output.C) @ units
+        natural = units[:, None] / np.where(outputs > 0, outputs, 1.0)
+        if name == "L":
+            natural = natural * (spectral_radius(np.abs(plant.flow.A)) or 1.0)
+        own = np.abs(getattr(start, name))
+        return np.where(own > 0, own, natural)
 
 
 def _least_peak(driven: DrivenPlant) -> Matrix | None:
@@ -123,7 +156,7 @@ def _least_peak(driven: DrivenPlant) -> Matrix | None:
         if gain is None:
             return None
         L = units[:, None] * gain.L * pace
-        return driven.cost(L), rate, L
+        return driven.flow_cost(L), rate, L
 
     answers = [answer for answer in map(at, _RATES) if answer is not None]
     if not answers:
@@ -136,34 +169,3 @@ def _least_peak(driven: DrivenPlant) -> Matrix | None:
 
 def _cost(answer: tuple[float, float, Matrix]) -> float:
     return answer[0]
-
-
-def _output_effects(uncertain: Plant, bounds: StateBounds) -> Matrix:
-    """Largest effect of parameters on y in the box, (p,)."""
-    middle, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
-    total = np.zeros(uncertain.p)
-    for parameter in uncertain.parameters:
-        low, high = parameter.range
-        X = parameter.effects.get("C")
-        if X is not None:
-            total += (high - low) / 2 * (np.abs(X @ middle) + np.abs(X) @ half)
-    return total
-
-
-def _integrals(F: Matrix, E: Matrix) -> Matrix:
-    """Integrals of |e^(Fs) E| over s >= 0 by the midpoint rule; infinite where F is not Hurwitz."""
-    size, decay = float(np.abs(F).sum(axis=1).max()), -float(np.linalg.eigvals(F).real.max())
-    if not (np.isfinite(size) and decay > 0):
-        return np.full(E.shape, np.inf)
-    length, time, start, total = _REACH / size, 0.0, E, np.zeros(E.shape)
-    for _ in range(_STAGES):
-        states, power = (expm(F * length / 2) @ start)[None], expm(F * length)
-        onwards = power
-        for _ in range(_CELLS_LOG2):
-            states, onwards = np.concatenate([states, onwards @ states]), onwards @ onwards
-        total = total + length * np.abs(states).sum(axis=0)
-        start, time = onwards @ start, time + length * len(states)
-        if decay * time > _DECAY:
-            break
-        length *= 2
-    return total

@@ -23,10 +23,13 @@ from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.luenberger.error_bound import KnownBox, bound_certificates
-from obsdesign.synthesis.luenberger.peak_gains import is_noisy
 
 # candidates whose bounds are compared: the others are tried where none of these is proved
 _COMPARED = 5
+_NO_LIMIT = (
+    "L is not chosen for the least bound of the error, since nothing limits it: state "
+    "output.noise_bound or observer.gain_norm"
+)
 
 
 @dataclass(frozen=True)
@@ -39,15 +42,20 @@ class _Plant:
 
 
 def uncertain_candidates(
-    problem: Problem, candidates: Iterator[Candidate], box: KnownBox | None, budget: TimeBudget
+    problem: Problem,
+    candidates: Iterator[Candidate],
+    box: KnownBox | None,
+    budget: TimeBudget,
+    is_L_limited: bool,
 ) -> Iterator[Candidate]:
     """The candidates of the nominal problem, with certificates about the uncertain plant.
 
-    In a box the first few are compared by their proved bounds, in units of the box; not without
-    noise, where the fastest gain would always win.
+    In a box the first few are compared by their proved bounds, in units of the box; not where
+    nothing limits L, and the fastest gain would always win.
     """
     plant = _stability(problem, budget)
-    is_compared = box is not None and is_noisy(problem.plant)
+    is_compared = box is not None and is_L_limited
+    open_choice = () if box is None or is_L_limited else (Remark(_NO_LIMIT),)
     for place, candidate in enumerate(candidates):
         gains = candidate.gains
         if isinstance(gains, LuenbergerGains):
@@ -60,7 +68,7 @@ def uncertain_candidates(
             goes_on=is_compared and candidate.searched and place < _COMPARED - 1,
             solvers=merged(merged(candidate.solvers, plant.solvers), bounds.solvers),
             certificates={**candidate.certificates, **plant.certificates, **bounds.evidence},
-            remarks=(*candidate.remarks, *plant.remarks),
+            remarks=(*candidate.remarks, *plant.remarks, *open_choice),
         )
 
 

@@ -126,7 +126,7 @@ def test_the_inequality_gives_the_gain_of_the_theory() -> None:
 def test_open_gains_are_those_of_the_least_proved_bound(body: Body) -> None:
     units = np.array([1.2, 3])
     result = outcome(body)
-    assert result.result["form"].startswith("peak-to-peak L, then searched")
+    assert "searched" in result.result["form"]
     cost = (np.array(bound(result).evidence["always"]) / units).sum()
     for L in ((13.9, 59.2), (7.09, 19.8), (2.0, -1.0)):
         given = spring(L, jump=body["jump"]) if "jump" in body else spring(L)

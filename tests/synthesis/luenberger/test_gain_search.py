@@ -1,0 +1,141 @@
+"""Gains of uncertain plants: chosen for the claimed bound of the error, under constraints too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.analysis.nominal import nominal_problem
+from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.luenberger.driven_plant import GainPair
+from obsdesign.synthesis.luenberger.error_bound import known_box
+from obsdesign.synthesis.luenberger.searched_gains import gain_search
+from obsdesign.workflow import Outcome, investigate
+from tests.systems.parameters import Body
+from tests.verification.luenberger.test_error_bound import bound, kicked, outcome, spring
+
+UNITS = np.array([1.2, 3])
+
+
+def cost(result: Outcome) -> float:
+    """The sum of the claimed bounds, in units of the box."""
+    return float((np.array(bound(result).evidence["always"]) / UNITS).sum())
+
+
+def constrained(**options: Any) -> Body:
+    return spring(observer={"kind": "luenberger", **options})
+
+
+def noiseless(body: Body) -> Body:
+    del body["output"]["noise_bound"]
+    return body
+
+
+@pytest.mark.parametrize(
+    ("body", "admissible"),
+    [
+        (constrained(gain_norm={"L": 25.0}), (8, 23)),
+        (noiseless(constrained(gain_norm={"L": 1000.0})), (60, 990)),
+        (constrained(structure={"L": [[1], [0]]}), (2.2, 0)),
+        (constrained(structure={"L": [[0], [1]]}), (0, 7.6)),
+        (constrained(region={"disc": {"centre": -3.0, "radius": 2.0}}), (9.2, 19)),
+        (noiseless(constrained(region={"disc": {"centre": -3.0, "radius": 2.0}})), (9.2, 19)),
+    ],
+    ids=["norm", "norm without noise", "first", "second", "disc", "disc without noise"],
+)
+def test_gains_under_constraints_are_chosen_for_the_bound(
+    body: Body, admissible: tuple[float, float]
+) -> None:
+    """No admissible L that was tried by hand has a bound that is smaller by more than 3 %."""
+    result = outcome(body)
+    assert result.verdict == "proved"  # the claims on the constraints among others
+    given = body | {"observer": body["observer"] | {"gains": {"L": [[v] for v in admissible]}}}
+    by_hand = outcome(given)
+    assert by_hand.verdict == "proved"
+    assert cost(result) < 1.03 * cost(by_hand)
+
+
+def test_without_noise_or_limit_what_is_missing_is_said() -> None:
+    result = outcome(noiseless(spring()))
+    assert any("output.noise_bound" in text for text in result.result["remarks"])
+    # nor is anything said where L is limited
+    assert "remarks" not in outcome(spring((2.0, -1.0))).result
+
+
+def sampled_at_jumps(**observer: Any) -> Body:
+    """The spring, its position measured at kicks alone, which come often."""
+    body = kicked(observer={"kind": "luenberger", **observer})
+    body["jump"]["dwell_time"] = [0.4, 0.6]
+    body["jump"]["disturbance"] = {"lower": [0, -0.02], "upper": [0, 0.02]}
+    body["output"]["measured"] = "at_jumps"
+    return body
+
+
+def test_jump_gains_are_chosen_for_the_bound() -> None:
+    result = outcome(sampled_at_jumps())
+    assert result.design is not None
+    assert np.any(result.design.gains["M"])
+    # of the largest margin of stability, as without parameters; another; none
+    for M in ((1.0, 1.0), (0.8, 0.5), (0.0, 0.0)):
+        given = outcome(sampled_at_jumps(gains={"M": [[value] for value in M]}))
+        assert cost(result) < 1.02 * cost(given)
+
+
+def test_constraints_hold_at_jumps_too() -> None:
+    result = outcome(sampled_at_jumps(gain_norm={"M": 0.5}))
+    assert result.verdict == "proved"
+    assert result.design is not None
+    assert np.linalg.norm(result.design.gains["M"], 2) <= 0.5
+    given = outcome(sampled_at_jumps(gains={"M": [[0.45], [0.2]]}))
+    assert cost(result) < 1.02 * cost(given)
+
+
+def estimate(body: Body, L: Matrix, M: Matrix) -> float:
+    problem = Problem.from_dict(body)
+    box = known_box(problem)
+    assert box is not None
+    search = gain_search(problem, nominal_problem(problem), box, None)
+    assert search is not None
+    return search.cost(GainPair(L, M))
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("gains", [((7.0, 20.0), (0.5, 0.3)), ((2.0, -1.0), (0.9, 0.0))])
+def test_estimates_are_near_the_proved_bounds(
+    gains: tuple[tuple[float, float], tuple[float, float]], when: str
+) -> None:
+    body = kicked()
+    body["output"]["jump_measurement"] = when
+    L, M = (np.array([[a], [b]]) for a, b in gains)
+    value = estimate(body, L, M)
+    body["observer"]["gains"] = {"L": L.tolist(), "M": M.tolist()}
+    assert value == pytest.approx(cost(investigate(Problem.from_dict(body))), rel=0.12)
+
+
+def test_errors_that_grow_have_no_estimate() -> None:
+    L, zero = np.array([[7.0], [20.0]]), np.zeros((2, 1))
+    assert np.isfinite(estimate(kicked(), L, zero))
+    assert np.isinf(estimate(kicked(), -L, zero))  # between jumps
+    assert np.isinf(estimate(kicked(), zero, np.array([[3.0], [0.0]])))  # at them
+    assert np.isinf(estimate(spring(), -L, zero))
+
+
+def test_units_of_states_output_and_time_do_not_matter() -> None:
+    """Speed in mm/s, y in mm, time in ms: gains are the same numbers in these units."""
+    plain = outcome(constrained(structure={"L": [[1], [1]]}))
+    body = constrained(structure={"L": [[1], [1]]})
+    body["flow"] = {
+        "A": [[0, 1e-6], [0, -0.4e-3]],
+        "disturbance": {"lower": [0, -0.05], "upper": [0, 0.05]},
+    }
+    body["output"] = {"C": [[1000, 0]], "noise_bound": [10]}
+    body["parameter"][0]["A"] = [[0, 0], [-1, 0]]
+    body["state"] = {"lower": [-1.2, -3000], "upper": [1.2, 3000]}
+    other = outcome(body)
+    assert plain.design is not None
+    assert other.design is not None
+    bounds = np.array(bound(other).evidence["always"]) / [1, 1000]
+    assert bounds == pytest.approx(np.array(bound(plain).evidence["always"]), rel=2e-2)
