@@ -43,32 +43,34 @@ def bounds_without_jumps(error: DrivenError) -> ErrorBounds | None:
 
 
 def bounds_with_jumps(
-    error: DrivenError,
-    ends: tuple[float, float],
-    tube: Tube | None,
-    contraction: Contraction | None,
+    error: DrivenError, ends: tuple[float, float], tube: Tube | None, around: Radius | None
 ) -> ErrorBounds | None:
-    """What a tube of |e| and a contraction prove, each None where there is none.
+    """What a tube of |e| and a contraction leave, both proved, each None where there is none.
 
-    ends: the shortest and the longest dwell time, which may be infinite. None where nothing is
-    proved.
+    ends: the shortest and the longest dwell time, which may be infinite. None where that is no
+    bound.
     """
-    if tube is not None and not _is_tube(error, ends, tube):
-        tube = None
-    assert error.H is not None
-    assert error.K is not None
-    system = DrivenJumps(error.F, error.E, error.H, error.K, *ends)
-    around = None if contraction is None else _radius(error, ends, contraction)
-    bounds = driven_bounds(system, None if tube is None else tube.before, around)
+    before = None if tube is None else tube.before
+    bounds = driven_bounds(_system(error, ends), before, around)
     if bounds is None:
         return None if tube is None else ErrorBounds(tube.always, tube.before)
-    before, always = map(exact, bounds)
-    return ErrorBounds(always if tube is None else np.minimum(always, tube.always), before)
+    before_jump, always = map(exact, bounds)
+    return ErrorBounds(always if tube is None else np.minimum(always, tube.always), before_jump)
 
 
-def is_contraction(error: DrivenError, ends: tuple[float, float], contraction: Contraction) -> bool:
-    """Is a contraction proved for all dwell times?"""
-    return _radius(error, ends, contraction) is not None
+def is_tube(error: DrivenError, ends: tuple[float, float], tube: Tube) -> bool:
+    """Is a tube of |e| proved for all dwell times?"""
+    unit = exact(np.eye(len(error.F)))
+    low, high = ends
+    verdict = prove_tube(*comparison_system(error), unit, tube=tube, low=low, high=high)
+    return verdict.outcome == "proved"
+
+
+def contraction_radius(
+    error: DrivenError, ends: tuple[float, float], contraction: Contraction
+) -> Radius | None:
+    """What |T e| comes to just before jumps; None where the contraction is not proved."""
+    return radius_before_jumps(_system(error, ends), contraction.T, contraction.per_jump)
 
 
 def comparison_system(error: DrivenError) -> tuple[Exact, Exact, Exact, Exact]:
@@ -80,23 +82,13 @@ def comparison_system(error: DrivenError) -> tuple[Exact, Exact, Exact, Exact]:
     return W, _sums(error.E), abs(error.H), _sums(error.K)
 
 
-def _radius(
-    error: DrivenError, ends: tuple[float, float], contraction: Contraction
-) -> Radius | None:
+def _system(error: DrivenError, ends: tuple[float, float]) -> DrivenJumps:
     assert error.H is not None
     assert error.K is not None
-    system = DrivenJumps(error.F, error.E, error.H, error.K, *ends)
-    return radius_before_jumps(system, contraction.T, contraction.per_jump)
+    return DrivenJumps(error.F, error.E, error.H, error.K, *ends)
 
 
 def _sums(columns: Exact) -> Exact:
     zero = exact(np.zeros((len(columns), 1)))
     result: Exact = abs(np.hstack([zero, columns])).sum(axis=1)
     return result
-
-
-def _is_tube(error: DrivenError, ends: tuple[float, float], tube: Tube) -> bool:
-    unit = exact(np.eye(len(error.F)))
-    low, high = ends
-    verdict = prove_tube(*comparison_system(error), unit, tube=tube, low=low, high=high)
-    return verdict.outcome == "proved"

@@ -24,7 +24,8 @@ from obsdesign.analysis.luenberger.error_bounds import (
     bounds_with_jumps,
     bounds_without_jumps,
     comparison_system,
-    is_contraction,
+    contraction_radius,
+    is_tube,
 )
 from obsdesign.analysis.nominal import stability_dwell
 from obsdesign.equations.luenberger.gains import LuenbergerGains
@@ -97,10 +98,11 @@ def _with_jumps(
     tube = proved_tube(*comparison_system(error), ends=ends, vanishing=True)
     names = ("tube", "after_jump", "before_jump", "always")
     proposed = None if tube is None else Tube(*(exact(tube[name]) for name in names))
-    contraction = next(
-        (each for each in _contractions(known) if is_contraction(error, ends, each)), None
-    )
-    entries = _stated(bounds_with_jumps(error, ends, proposed, contraction))
+    if proposed is not None and not is_tube(error, ends, proposed):
+        tube = proposed = None
+    proofs = ((each, contraction_radius(error, ends, each)) for each in _contractions(known))
+    contraction, radius = next((pair for pair in proofs if pair[1] is not None), (None, None))
+    entries = _stated(bounds_with_jumps(error, ends, proposed, radius))
     if not entries:
         return {}, ()
     if tube is not None:

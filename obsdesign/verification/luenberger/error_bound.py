@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Entries, NewEntries, Value
+from lmi.bounds.driven_jumps import Radius
 from lmi.bounds.tube import Tube
 from lmi.verdict import proved, undecided
 from obsdesign.analysis.luenberger.driven_error import DrivenError
@@ -15,6 +16,8 @@ from obsdesign.analysis.luenberger.error_bounds import (
     ErrorBounds,
     bounds_with_jumps,
     bounds_without_jumps,
+    contraction_radius,
+    is_tube,
 )
 from obsdesign.document import Claim
 from obsdesign.verification.dwell import Dwell, matrix_of
@@ -56,7 +59,7 @@ def error_bound_claim(
     verdict = undecided("the proposed bounds are smaller than those that are proved")
     proof = _proof(error, dwell, certificate)
     if proof is None:
-        verdict = undecided("the certificate proves no bounds")
+        verdict = undecided("the certificate proves no bounds, or a part of it is not proved")
     elif _are_above(bounds, proof):
         verdict = proved(**certificate.stated())
     when, at_jumps = "as time goes on", ""
@@ -77,15 +80,45 @@ def _proof(
 ) -> ErrorBounds | None:
     if dwell is None:
         return bounds_without_jumps(error)
-    n = len(error.F)
-    tube = certificate.tube
-    entries = vectors(tube, _TUBE, n) if isinstance(tube, dict) else None
-    T, per_jump = matrix_of(certificate.T, n), certificate.per_jump
-    contraction = None
+    ends = (dwell.low, dwell.high)
+    try:
+        tube = _tube(error, ends, certificate)
+        around = _radius(error, ends, certificate)
+    except _NotProved:
+        return None
+    return bounds_with_jumps(error, ends, tube, around)
+
+
+class _NotProved(Exception):
+    """A part of the certificate is not proved: whether a bound needs it does not matter."""
+
+
+def _tube(
+    error: DrivenError, ends: tuple[float, float], certificate: ErrorCertificate
+) -> Tube | None:
+    """The stated tube, None where none is stated; _NotProved."""
+    if certificate.tube is None:
+        return None
+    stated = certificate.tube if isinstance(certificate.tube, dict) else {}
+    entries = vectors(stated, _TUBE, len(error.F))
+    if entries is None or not is_tube(error, ends, tube := Tube(*entries)):
+        raise _NotProved
+    return tube
+
+
+def _radius(
+    error: DrivenError, ends: tuple[float, float], certificate: ErrorCertificate
+) -> Radius | None:
+    """What the stated contraction leaves, None where none is stated; _NotProved."""
+    T, per_jump = matrix_of(certificate.T, len(error.F)), certificate.per_jump
+    if certificate.T is None and per_jump is None:
+        return None
+    radius = None
     if T is not None and np.isfinite(T).all() and isinstance(per_jump, float):
-        contraction = Contraction(T, per_jump)
-    proposed = None if entries is None else Tube(*entries)
-    return bounds_with_jumps(error, (dwell.low, dwell.high), proposed, contraction)
+        radius = contraction_radius(error, ends, Contraction(T, per_jump))
+    if radius is None:
+        raise _NotProved
+    return radius
 
 
 def bound_sentence(

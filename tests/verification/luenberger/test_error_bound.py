@@ -243,12 +243,35 @@ def test_a_forged_norm_proves_nothing(name: str, value: Any) -> None:
     assert bound(verify(stored(stated))).verdict == "undecided"
 
 
-def test_a_forged_tube_proves_nothing() -> None:
-    body = kicked()
+def cascade() -> Body:
+    """Two stages whose error has a tube, and a norm that contracts."""
+    body = kicked(observer={"kind": "luenberger", "gains": {"L": [[0], [0]], "M": [[0], [0]]}})
     body["jump"] |= {"G": [[0.5, 0], [0, 0.5]], "dwell_time": [0.5, "inf"]}
     body["flow"]["A"] = [[-1, 0], [1, -1]]
     body["parameter"][0] |= {"range": [0.9, 1.1], "A": [[0, 0], [1, 0]]}
-    stated = designed(body).to_dict()
+    return body
+
+
+@pytest.mark.parametrize("part", ["per_jump", "tube"])
+def test_a_forged_part_that_no_bound_needs_is_not_proved_either(part: str) -> None:
+    stated = designed(cascade()).to_dict()
+    evidence = evidence_of(stated)
+    assert {"tube", "per_jump"} <= set(evidence)
+    other = {**stated, "claims": copy.deepcopy(stated["claims"])}
+    for name in ("T", "per_jump") if part == "tube" else ("tube",):
+        evidence_of(other).pop(name)
+    evidence_of(other)["always"] = [2 * value for value in evidence["always"]]
+    evidence_of(other)["before_jump"] = [2 * value for value in evidence["before_jump"]]
+    assert bound(verify(stored(other))).verdict == "proved"  # each part by itself is true
+    if part == "per_jump":
+        evidence["per_jump"] *= 0.5
+    else:
+        evidence["tube"] = {key: [0.5 * x for x in own] for key, own in evidence["tube"].items()}
+    assert bound(verify(stored(stated))).verdict == "undecided"
+
+
+def test_a_forged_tube_proves_nothing() -> None:
+    stated = designed(cascade()).to_dict()
     assert verify(stored(stated)).verdict == "proved"
     for name in ("T", "per_jump"):
         evidence_of(stated).pop(name, None)
