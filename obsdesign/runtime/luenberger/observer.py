@@ -28,7 +28,7 @@ from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Outputs, States
-from obsdesign.runtime.status import MISSING_SAMPLE, status_of
+from obsdesign.runtime.status import MISSING_SAMPLE, status_of, still_void, void_since
 
 _ONE = np.ones(1)
 # beyond, a step is made where overflow is not a warning
@@ -44,7 +44,8 @@ class LuenbergerState(NamedTuple):
     """Everything the next step needs: the estimate x just after time t.
 
     y: measurement that the next step may start from, less the middle of its noise; is_usual: is
-    there such a y, are all numbers below `_LARGE`, and is u within its bound?
+    there such a y, are all numbers below `_LARGE`, and are known inputs within their bounds, as
+    they were? refutation: since when the bound of the error is void, and why, "" while it counts.
     """
 
     t: float
@@ -54,6 +55,7 @@ class LuenbergerState(NamedTuple):
     guard: DwellGuard
     started: bool
     is_usual: bool = False
+    refutation: str = ""
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,13 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         inputs = np.zeros(self.gains.m)
         return LuenbergerState(instant(t), guess, inputs, None, guard, started=False)
 
+    def reset(self, state: LuenbergerState, *, x: ArrayLike) -> LuenbergerState:
+        """The same instant with a new guess of x(t): the bound of the error counts again.
+
+        Inputs and the time of the last jump are kept.
+        """
+        return state._replace(x=vector(x, self.n, "x"), is_usual=False, refutation="")
+
     def step(self, state: LuenbergerState, sample: Sample) -> tuple[LuenbergerState, Estimate]:
         """Move to the time of the sample, use it, and jump if it says so.
 
@@ -94,7 +103,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     ) -> tuple[LuenbergerState, Estimate] | None:
         """The step of a sample between jumps without any objection; None for any other."""
         t, y, u, _, jump, *_ = sample
-        since, x, inputs, start, guard, _, _ = state
+        since, x, inputs, start, guard, *_ = state
         if jump or u is not None or start is None or type(y) is not ndarray:
             return None
         if y.dtype is not _FLOAT or y.shape != start.shape or not _moderate(y):
@@ -107,7 +116,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         x = self._measured(h, x, start, inputs, end)
         if not _moderate(x):
             return None
-        following = by_position(LuenbergerState, (t, x, inputs, end, guard, True, True))
+        following = by_position(LuenbergerState, (t, x, inputs, end, guard, True, True, ""))
         return following, by_position(Estimate, (t, x, *_NO_BOUNDS))
 
     def advance(
@@ -118,8 +127,11 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
         guard, late = state.guard.after(t, sample.jump)
         objections: list[str] = [late] if late else []
-        known = self._known_inputs
-        objections += known.reasons(state.u, sample.w if sample.jump else None)
+        large = self._known_inputs.reasons(state.u, sample.w if sample.jump else None)
+        refutation = state.refutation
+        objections += [*large, *([still_void(refutation)] if refutation else [])]
+        if large and not refutation:
+            refutation = void_since(t, large[0])
         # without L, samples between jumps are of no use and none is missed
         is_expected = when != "none" if sample.jump else np.any(self.gains.L)
         if y is None and is_expected:
@@ -132,10 +144,9 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             x = corrected_jump(self.gains, x, sample.w, y, M)
             usable = y if when == "after" else None
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
-        is_usual = usable is not None and all(map(_moderate, (x, usable, u)))
-        following = LuenbergerState(
-            t, x, u, usable, guard, started=True, is_usual=is_usual and not known.reasons(u, None)
-        )
+        is_certain = not (refutation or self._known_inputs.reasons(u, None))
+        is_usual = is_certain and usable is not None and all(map(_moderate, (x, usable, u)))
+        following = LuenbergerState(t, x, u, usable, guard, True, is_usual, refutation)
         return following, Estimate(t, x=x, status=status_of(objections, x))
 
     def _flow(self, state: LuenbergerState, t: float, y_end: Matrix | None) -> Matrix:

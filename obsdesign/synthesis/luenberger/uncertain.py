@@ -57,10 +57,9 @@ def uncertain_candidates(
     is_compared = box is not None and is_L_limited
     open_choice = () if box is None or is_L_limited else (Remark(_NO_LIMIT),)
     for place, candidate in enumerate(candidates):
-        gains = candidate.gains
-        if isinstance(gains, LuenbergerGains):
+        gains, bounds = candidate.gains, _bounds(problem, candidate, box)
+        if isinstance(gains, LuenbergerGains) and bounds.evidence:
             gains = replace(gains, **counted_inputs(problem.plant))
-        bounds = _bounds(problem, candidate, box)
         yield replace(
             candidate,
             gains=gains,

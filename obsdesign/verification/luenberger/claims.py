@@ -66,7 +66,7 @@ def claims(
         return _claims(problem, stored, certificates, paranoid, {})
     if reason := reason_against_rate(problem):
         return (inconsistent(reason),)
-    inputs = counted_inputs(problem.plant)
+    inputs = counted_inputs(problem.plant) if certificates.get("error_bound") else {}
     nominal = _claims(nominal_problem(problem), stored, certificates, paranoid, inputs)
     return uncertain_claims(problem, nominal, stored, certificates)
 

@@ -13,8 +13,9 @@ from obsdesign.data.simulation import simulate
 from obsdesign.design_file import from_dict
 from obsdesign.document import Claim, Design, digest
 from obsdesign.problem.problem import Problem
-from obsdesign.runtime import from_design
+from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.known_inputs import LARGE_U, LARGE_W
+from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 from obsdesign.workflow import Outcome, investigate, verify
 from tests.systems.parameters import Body
 
@@ -349,13 +350,55 @@ def test_a_known_input_beyond_its_bound_has_a_status() -> None:
     assert verify(stored(design.to_dict())).verdict == "proved"
     t = np.arange(6) * 0.1
     u = np.array([[2.0], [2.0], [2.5], [-2.0], [-3.0], [0.0]])
-    batch = from_design(design).run_batch(t, np.zeros((6, 1)), u, None, None)
-    # u of a row acts on the step that follows
-    assert [LARGE_U in status for status in batch.status] == [False] * 3 + [True, False, True]
+    observer = from_design(design)
+    batch = observer.run_batch(t, np.zeros((6, 1)), u, None, None)
+    # u of a row acts on the step that follows; from then on the bound is void
+    assert batch.status[:4] == ("ok", "ok", "ok", LARGE_U)
+    assert batch.status[4] == f"void since time 0.3 ({LARGE_U})"
+    assert batch.status[5] == f"{LARGE_U}; void since time 0.3 ({LARGE_U})"
     # the bound is of the problem: a design with another one is not of it
     changed = design.to_dict()
     changed["gains"]["input_bound"] = [9.0]
     assert verify(stored(changed)).verdict == "refuted"
+
+
+def test_a_bound_that_is_void_counts_again_after_reset() -> None:
+    body = spring()
+    body["flow"] |= {"B": [[0], [1]], "input_bound": [2.0]}
+    observer = from_design(designed(body))
+    assert isinstance(observer, LuenbergerObserver)
+
+    def row(t: float, u: float) -> Sample:
+        return Sample(t, y=np.zeros(1), u=np.array([u]))
+
+    state, statuses = observer.init(0.0), []
+    for k, u in enumerate((0.0, 2.5, *[0.0] * 500)):
+        state, estimate = observer.step(state, row(0.1 * k, u))
+        statuses.append(estimate.status)
+    assert statuses[:3] == ["ok", "ok", LARGE_U]
+    assert all("void since" in status for status in statuses[3:])  # however long ago it was
+    state = observer.reset(state, x=[0.1, 0.0])
+    state, estimate = observer.step(state, row(60.0, 1.0))
+    assert estimate.status == "ok"
+    # a design without parameters counts on no bound of u
+    del body["parameter"], body["state"], body["flow"]["input_bound"]
+    body["flow"]["A"] = [[0, 1], [-1, -0.4]]
+    certain = from_design(designed(body))
+    u = np.array([[0.0], [1e6], [0.0], [0.0]])
+    batch = certain.run_batch(0.1 * np.arange(4), np.zeros((4, 1)), u, None, None)
+    assert set(batch.status) == {"ok"}
+
+
+def test_without_a_bound_of_the_error_no_input_voids_it() -> None:
+    """It oscillates, and no box is stated: there is no claim that counts on input_bound."""
+    body = spring()
+    body["flow"] |= {"B": [[0], [1]], "input_bound": [2.0]}
+    del body["state"]
+    design = designed(body)
+    assert verify(stored(design.to_dict())).verdict == "proved"
+    u = np.array([[0.0], [9.0], [0.0], [0.0]])
+    batch = from_design(design).run_batch(0.1 * np.arange(4), np.zeros((4, 1)), u, None, None)
+    assert set(batch.status) == {"ok"}
 
 
 def test_jumps_have_a_status_for_their_inputs_too() -> None:
