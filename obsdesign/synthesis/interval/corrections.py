@@ -16,8 +16,11 @@ from lmi.find.linear_program import minimise
 from obsdesign.equations.interval.gains import IntervalGains
 
 
-def corrections(gains: IntervalGains, measured: str) -> NewEntries:
-    """Entries of a design: flow_correction, jump_correction (q, n, p), without those of zeros."""
+def corrections(gains: IntervalGains, measured: str, sizes: Matrix, noise: Matrix) -> NewEntries:
+    """Entries of a design: flow_correction, jump_correction (q, n, p), without those of zeros.
+
+    sizes (n,), noise (p,): typical magnitudes of the states, and of the noise.
+    """
     if measured == "periodic":  # A and G alone predict there
         return {}
     listed = {}
@@ -25,32 +28,24 @@ def corrections(gains: IntervalGains, measured: str) -> NewEntries:
         listed["flow_correction"] = [effect.A for effect in gains.effects]
     if gains.jump_measurement == "before":
         listed["jump_correction"] = [effect.G for effect in gains.effects]
-    entries = {name: _of_effects(gains, effects) for name, effects in listed.items()}
+    entries = {name: _of_effects(gains, effects, sizes, noise) for name, effects in listed.items()}
     return {name: values for name, values in entries.items() if values.any()}
 
 
-def _of_effects(gains: IntervalGains, effects: Sequence[Matrix | None]) -> Matrix:
+def _of_effects(
+    gains: IntervalGains, effects: Sequence[Matrix | None], sizes: Matrix, noise: Matrix
+) -> Matrix:
     """Gains for each effect, (q, n, p); zeros where there is none."""
     S = np.eye(gains.n) if gains.S is None else gains.S
-    C, units = gains.C @ S, np.abs(np.linalg.inv(S)) @ _sizes(gains)
+    C, units = gains.C @ S, np.abs(np.linalg.inv(S)) @ sizes
     zero = np.zeros((gains.n, gains.p))
     rows = [
         zero
         if effect is None
-        else np.array(
-            [_row(row, C, units, gains.noise_bound) for row in np.linalg.solve(S, effect @ S)]
-        )
+        else np.array([_row(row, C, units, noise) for row in np.linalg.solve(S, effect @ S)])
         for effect in effects
     ]
     return np.array(rows).reshape(len(rows), gains.n, gains.p)
-
-
-def _sizes(gains: IntervalGains) -> Matrix:
-    """Typical magnitudes of the states: of the box in which they stay, one where it is a point."""
-    if gains.state_lower is None or gains.state_upper is None:
-        return np.ones(gains.n)
-    largest = np.maximum(np.abs(gains.state_lower), np.abs(gains.state_upper))
-    return np.where(largest > 0, largest, 1.0)
 
 
 def _row(row: Matrix, C: Matrix, units: Matrix, V: Matrix) -> Matrix:

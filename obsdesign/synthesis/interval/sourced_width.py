@@ -22,7 +22,9 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
+from obsdesign.synthesis.interval.corrections import corrections
 from obsdesign.synthesis.interval.forms import gains_of_form
+from obsdesign.synthesis.interval.signal_sizes import SignalSizes
 from obsdesign.synthesis.interval.task import width_weights
 from obsdesign.synthesis.tube import (
     nearest,
@@ -81,12 +83,16 @@ class SourcedSearch:
     def chosen(self, gains: IntervalGains) -> IntervalGains:
         """The gains, or with parts of open ones, of the least width that is claimed.
 
-        Without gains on the measured part of effects too: their own share of y may cost more.
+        Without gains on the measured part of effects too, whose own share of y may cost more; and
+        with all of it taken from y, whatever its noise, without which there may be no limit.
         """
         best, least = gains, self.claimed_width(gains)
         plain = replace(gains, flow_correction=None, jump_correction=None)
-        if (width := self.claimed_width(plain)) < least:
-            best, least = plain, width
+        measured, x = self.nominal.plant.output.measured, self._signals.x
+        whole = replace(plain, **corrections(gains, measured, x, 0 * gains.noise_bound))
+        for own in (plain, whole):
+            if (width := self.claimed_width(own)) < least:
+                best, least = own, width
         for names in self._open(gains):
             for own in [self._with_part(best, names, part) for part in _PARTS]:
                 if (width := self.claimed_width(own)) < least:
@@ -139,15 +145,17 @@ class SourcedSearch:
 
     @cached_property
     def _sizes(self) -> dict[str, float]:
-        """Magnitudes of known inputs, where a bound is stated; all other signals count as 1."""
-        flow, jump = self.stated.plant.flow, self.stated.plant.jump
-        bounds = (("u", flow.input_bound), ("w", None if jump is None else jump.input_bound))
+        """Magnitudes of y, u and w by their names, for which the width is weighed."""
+        sizes = self._signals
         return {
             name: float(value)
-            for letter, bound in bounds
-            if bound is not None
-            for name, value in zip(numbered(letter, len(bound)), bound, strict=True)
+            for letter, values in (("y", sizes.y), ("u", sizes.u), ("w", sizes.w))
+            for name, value in zip(numbered(letter, len(values)), values, strict=True)
         }
+
+    @cached_property
+    def _signals(self) -> SignalSizes:
+        return SignalSizes.from_problem(self.stated, self.nominal)
 
     @cached_property
     def _form(self) -> NormalForm:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim
+import numpy as np
+
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import TimeBudget
 from obsdesign.analysis.folded import StateBounds, folded, nominal
@@ -16,6 +19,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.convex_gain import UserConstraints
 from obsdesign.synthesis.interval.corrections import corrections
+from obsdesign.synthesis.interval.signal_sizes import SignalSizes
 from obsdesign.synthesis.interval.sourced_width import SourcedSearch
 from obsdesign.synthesis.state_box import proposed_box
 
@@ -59,7 +63,20 @@ class CertainProblem:
     def with_parameters(self, gains: IntervalGains) -> IntervalGains:
         """Gains with the parameters, and gains on the measured part of their effects."""
         gains = IntervalGains.from_document({**gains.to_document(), **self.entries})
-        return replace(gains, **corrections(gains, self.problem.plant.output.measured))
+        measured = self.problem.plant.output.measured
+        return replace(gains, **corrections(gains, measured, self._sizes, gains.noise_bound))
+
+    @cached_property
+    def _sizes(self) -> Matrix:
+        """Typical magnitudes of the states (n,): of the box in which they stay, where it is known.
+
+        One where it is a point, and any number will do.
+        """
+        if self.certificates is None:
+            return SignalSizes.from_problem(self.stated, self.problem).x
+        lower, upper = (np.asarray(self.entries[f"state_{end}"]) for end in ("lower", "upper"))
+        largest = np.maximum(np.abs(lower), np.abs(upper))
+        return np.where(largest > 0, largest, 1.0)
 
     def sourced(self, budget: TimeBudget, user: UserConstraints | None) -> SourcedSearch | None:
         """The search without a box of the state; None with one, or without parameters."""

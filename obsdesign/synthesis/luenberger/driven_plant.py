@@ -18,8 +18,8 @@ from obsdesign.equations.estimation_error import (
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.plant import Plant
+from obsdesign.synthesis.estimated_bounds import driven_bounds, settled_bounds
 from obsdesign.synthesis.luenberger.error_bound import KnownBox
-from obsdesign.synthesis.luenberger.estimated_bounds import driven_bounds, settled_bounds
 
 
 class GainPair(NamedTuple):

@@ -12,6 +12,7 @@ import pytest
 import obsdesign
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.stability import decide
+from obsdesign.analysis.nominal import nominal_problem
 from obsdesign.document import Claim
 from obsdesign.equations.interval.certain_bounds import without_effects
 from obsdesign.equations.interval.gains import IntervalGains
@@ -20,6 +21,7 @@ from obsdesign.equations.uncertain import NormalForm
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
+from obsdesign.synthesis.interval.signal_sizes import SignalSizes
 from obsdesign.synthesis.tube import proved_width
 from obsdesign.workflow import investigate, verify
 from tests.systems.parameters import Body, compartments, degue, rooms, spring
@@ -165,7 +167,7 @@ def _claimed(body: Body, Y: float) -> float:
     ("body", "form", "share"),
     [(rooms(), "split", 0.25),
      (spring(output={"C": [[1, 0]], "C_radius": [[0.05, 0]], "noise_bound": [0.01]}),
-      "coordinates", 0.7)],
+      "coordinates", 0.92)],
 )  # fmt: skip
 def test_open_gains_are_chosen_for_the_width_under_parameters(
     body: Body, form: str, share: float
@@ -182,4 +184,6 @@ def test_open_gains_are_chosen_for_the_width_under_parameters(
     kept = {name: np.array(gains[name]).tolist() for name in ("L", "M", "S") if name in gains}
     given = {**body, "observer": {"kind": "interval", "form": form, "gains": kept}}
     free = {**body, "observer": {"kind": "interval"}}
-    assert _claimed(free, 1.0) < share * _claimed(given, 1.0)
+    problem = Problem.from_dict(free)
+    (Y,) = SignalSizes.from_problem(problem, nominal_problem(problem)).y
+    assert _claimed(free, Y) < share * _claimed(given, Y)

@@ -195,7 +195,8 @@ def _sourced(body: Body, *, is_corrected: bool) -> SourcedWidth:
     gains = IntervalGains.from_document(next(iter(synthesize(Problem.from_dict(body)))).document())
     boundless = without_state_bounds(gains)
     if is_corrected:
-        boundless = replace(boundless, **corrections(boundless, "continuous"))
+        own = corrections(boundless, "continuous", np.ones(gains.n), gains.noise_bound)
+        boundless = replace(boundless, **own)
     else:
         boundless = replace(boundless, flow_correction=None, jump_correction=None)
     return sourced_width(boundless, NormalForm.from_plant(plant, exact), exact, inverse)

@@ -1,4 +1,4 @@
-"""Estimates in floats of what the error of a point observer comes to, for searches of gains.
+"""Estimates in floats of what an error, or a state, comes to, for searches of gains.
 
     e' = F e + E d between jumps,   e+ = H e + K d at jumps,   |d| <= 1
 
