@@ -29,7 +29,7 @@ from obsdesign.verification.answers import reason
 _KINDS = {
     "interval": "Interval observer",
     "set_membership": "Set-membership bounds by multipliers",
-    "luenberger": "Luenberger observer for a system with jumps",
+    "luenberger": "Luenberger observer",
     "impulsive": "Observer from impulsive measurements",
     "finite_time": "Finite-time observer from sampled measurements",
     "impulsive_input": "Observer of unknown impulses",
@@ -133,6 +133,7 @@ def _plant_words(problem: Problem) -> str:
         words += _named("event", [event.name for event in plant.events])
         words += _named("sensor", [sensor.name for sensor in plant.sensors])
     words += _named("mode", [mode.name for mode in plant.modes])
+    words += _named("parameter", [parameter.name for parameter in plant.parameters])
     if plant.has_tables:
         return ", ".join(words)
     if plant.jump is not None and plant.jump.dwell_time is not None:

@@ -19,6 +19,7 @@ from obsdesign.cli.commands import cli
 from obsdesign.document import digest
 from obsdesign.pages.curves import curve_of
 from obsdesign.pages.report import write_report
+from tests.verification.luenberger.test_error_bound import spring
 
 ROOT = Path(__file__).parents[2]
 CHROMIUM = next(
@@ -99,6 +100,21 @@ def test_every_strategy_of_impulses_has_its_curve(strategy: str, tmp_path: Path)
     assert (beyond <= 1e-9).all() if strategy == "quadratic" else (beyond >= -1e-9).all()
     design.save(tmp_path / "design.json")
     assert write_report(str(tmp_path / "design.json"), str(tmp_path / "out.html"))
+
+
+@pytest.mark.parametrize(("dwell", "words"), [(None, ()), ([2.0, 6.0], ("dwell times [2, 6]",))])
+def test_the_plant_of_a_page_is_that_of_the_design(
+    dwell: list[float] | None, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    body = spring((2.0, -1.0)) | ({"jump": {"dwell_time": dwell}} if dwell else {})
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    source, output = tmp_path / "design.json", tmp_path / "page.html"
+    design.save(source)
+    write_report(str(source), str(output))
+    text = " ".join(Page(output.read_text("utf-8")).words)
+    assert "1 parameter (stiffness)" in text
+    assert all(word in text for word in words)
+    assert dwell or "system with jumps" not in text
 
 
 def test_text_of_a_design_is_never_markup(tmp_path: Path) -> None:
