@@ -11,6 +11,7 @@ from benchmarks.cases import duration, seconds
 from lmi.find.clock_matrix import find_clock_matrix
 from lmi.parameters import AffineFamily
 from lmi.prove.parameter_cells import prove_cells
+from tests.lmi.parameter_examples import from_ranges
 
 MOST_FIND, MOST_PROVE = 0.5, 0.05
 
@@ -22,13 +23,13 @@ def families() -> dict[str, tuple[AffineFamily, float, float]]:
     plant, jump = np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0])
     speed[:2, :2] = np.array([[0, 1], [0, -0.1]])
     plant[1, 2], jump[2] = 0.1, np.array([-0.0757, -0.7306, -0.0006])
-    oscillator = AffineFamily.from_ranges(
+    oscillator = from_ranges(
         np.array([[0, 1], [-1, -0.1]]), np.diag([1, 0.8]), [(stiffness, none)], [(-0.142, 0.142)]
     )
-    limits = AffineFamily.from_ranges(
+    limits = from_ranges(
         np.array([[-1, 0.1], [0, 1.2]]), np.diag([1.2, 0.5]), [(growth, none)], [(-0.1, 0.1)]
     )
-    sampled = AffineFamily.from_ranges(plant, jump, [(speed, np.zeros((3, 3)))], [(1.0, 5.0)])
+    sampled = from_ranges(plant, jump, [(speed, np.zeros((3, 3)))], [(1.0, 5.0)])
     return {
         "oscillator": (oscillator, 1.0, 3.0), "two limits": (limits, 0.1825, 0.5325),
         "sampled": (sampled, 0.001, 10.0),

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, Rational, exact, rational, to_float
@@ -21,7 +20,6 @@ from lmi.arithmetic.balls import Exact, Rational, exact, rational, to_float
 # corners double with each parameter
 MOST_PARAMETERS = 8
 
-Range = tuple[float | Rational, float | Rational]
 Point = tuple[float, ...]
 
 
@@ -43,31 +41,6 @@ class AffineFamily:
             raise ValueError("A and G need (1 + q, n, n) entries each")
         if len(self.is_constant) != count - 1:
             raise ValueError(f"{count - 1} parameters need as many entries of is_constant")
-
-    @staticmethod
-    def from_ranges(
-        A: ArrayLike | Exact,
-        G: ArrayLike | Exact,
-        effects: Sequence[tuple[ArrayLike | Exact, ArrayLike | Exact]],
-        ranges: Sequence[Range],
-        is_constant: Sequence[bool] | None = None,
-    ) -> AffineFamily:
-        """A + sum p_i A_i and G + sum p_i G_i with low_i <= p_i <= high_i, in the form above.
-
-        A, G: (n, n) floats or exact; effects: (A_i, G_i) of one unit of each parameter. ValueError
-        where a range is empty.
-        """
-        flows, jumps = [exact(A)], [exact(G)]
-        for (flow, jump), (low, high) in zip(effects, ranges, strict=True):
-            lower, upper = rational(low), rational(high)
-            if not lower <= upper:
-                raise ValueError(f"low <= high is required of a range; got [{low}, {high}]")
-            middle, half = (lower + upper) / 2, (upper - lower) / 2
-            flows[0], jumps[0] = flows[0] + exact(flow) * middle, jumps[0] + exact(jump) * middle
-            flows.append(exact(flow) * half)
-            jumps.append(exact(jump) * half)
-        constant = (False,) * len(effects) if is_constant is None else tuple(is_constant)
-        return AffineFamily(np.array(flows), np.array(jumps), constant)
 
     @property
     def order(self) -> int:

@@ -82,7 +82,7 @@ LIGHT = (
 @pytest.mark.parametrize(
     ("prefix", "allowed"),
     [
-        ("obsdesign.equations", (*LIGHT, "obsdesign.equations")),
+        ("obsdesign.equations", (*LIGHT, "obsdesign.equations", "obsdesign.column_names")),
         ("obsdesign.output_files", ("obsdesign.errors",)),
         ("obsdesign.input_files", ("obsdesign.errors",)),
         ("obsdesign.entries", (*LIGHT, "obsdesign.errors")),

@@ -123,6 +123,12 @@ class KnownSizes:
     w: Array | None
 
 
+def largest_in_box(X: Array, lower: Array, upper: Array) -> Array:
+    """The largest |X z|, row by row, for lower <= z <= upper; exact where its arguments are."""
+    result: Array = abs(X @ ((lower + upper) / 2)) + abs(X) @ ((upper - lower) / 2)
+    return result
+
+
 def effect_sizes(form: NormalForm, known: KnownSizes) -> tuple[Array, Array, Array]:
     """Bounds of what parameters add to x', x+ and y, exact: (n,), (n,), (p,).
 
@@ -142,10 +148,9 @@ def _largest_sum(
 ) -> Array:
     """Largest sum over parameters of |X x + Y u|, for the effects X, Y on two matrices."""
     state, known = keys
-    middle, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
     total = fractions_of(np.zeros(len(form.C if state == "C" else form.A)))
     for X in (*form.on(state), *_rounding(getattr(form, state))):
-        total = total + abs(X @ middle) + abs(X) @ half
+        total = total + largest_in_box(X, *box)
     listed = (*form.on(known), *_rounding(getattr(form, known))) if known else ()
     for Y in listed:
         assert inputs is not None

@@ -7,7 +7,7 @@ import pytest
 
 from lmi.arithmetic.balls import exact, rational
 from lmi.parameters import MOST_PARAMETERS, AffineFamily
-from tests.lmi.parameter_examples import oscillator
+from tests.lmi.parameter_examples import from_ranges, oscillator
 
 NONE = np.zeros((2, 2))
 
@@ -19,7 +19,7 @@ def unit(i: int, j: int, n: int = 2) -> np.ndarray:
 
 
 def test_a_range_is_its_middle_and_half_of_it() -> None:
-    family = AffineFamily.from_ranges(NONE, np.eye(2), [(unit(0, 1), unit(1, 1))], [(0.8, 1.3)])
+    family = from_ranges(NONE, np.eye(2), [(unit(0, 1), unit(1, 1))], [(0.8, 1.3)])
     low, high = rational(0.8), rational(1.3)
     assert family.flow([-1])[0, 1] == low
     assert family.flow([1])[0, 1] == high
@@ -28,7 +28,7 @@ def test_a_range_is_its_middle_and_half_of_it() -> None:
     # the twin: what is not affected is as it was
     assert family.flow([1])[1, 0] == 0
     with pytest.raises(ValueError, match="low <= high"):
-        AffineFamily.from_ranges(NONE, NONE, [(NONE, NONE)], [(1.0, 0.5)])
+        from_ranges(NONE, NONE, [(NONE, NONE)], [(1.0, 0.5)])
 
 
 def test_shapes_that_do_not_agree_are_refused() -> None:
@@ -40,7 +40,7 @@ def test_shapes_that_do_not_agree_are_refused() -> None:
 
 def test_vertices_are_the_corners() -> None:
     effects = [(unit(0, 1), NONE), (unit(1, 0), unit(1, 1))]
-    family = AffineFamily.from_ranges(NONE, np.eye(2), effects, [(-1, 1), (2, 4)])
+    family = from_ranges(NONE, np.eye(2), effects, [(-1, 1), (2, 4)])
     corners = [family.flow(p).tolist() for p in family.corners()]
     vertices = [A.tolist() for A in family.flow_vertices()]
     assert len(vertices) == 4
@@ -52,7 +52,7 @@ def test_vertices_are_the_corners() -> None:
 @pytest.mark.parametrize("factor", [1.0, -0.5])
 def test_parallel_effects_are_one(factor: float) -> None:
     effects = [(unit(0, 1), NONE), (factor * unit(0, 1), NONE), (NONE, NONE)]
-    family = AffineFamily.from_ranges(NONE, NONE, effects, [(-1, 1)] * 3)
+    family = from_ranges(NONE, NONE, effects, [(-1, 1)] * 3)
     ends = sorted(float(A[0, 1]) for A in family.flow_vertices())
     assert ends == [-1 - abs(factor), 1 + abs(factor)]
 
@@ -63,7 +63,7 @@ def test_too_many_parameters_are_refused() -> None:
 
     def family(count: int) -> AffineFamily:
         effects = [(unit(i, j, n), np.zeros((n, n))) for i, j in places[:count]]
-        return AffineFamily.from_ranges(np.eye(n), np.eye(n), effects, [(-1, 1)] * count)
+        return from_ranges(np.eye(n), np.eye(n), effects, [(-1, 1)] * count)
 
     assert len(family(MOST_PARAMETERS).flow_vertices()) == 256
     with pytest.raises(ValueError, match="at most 8 parameters"):

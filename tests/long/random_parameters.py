@@ -22,6 +22,7 @@ from lmi.arithmetic.arrays import Entries
 from lmi.decide.uncertain_stability import decide_uncertain
 from lmi.parameters import AffineFamily
 from lmi.prove.parameter_cells import prove_cells
+from tests.lmi.parameter_examples import from_ranges
 
 # of a form from jump to jump, and of a product that persists
 ROUNDING = 1e-7
@@ -43,7 +44,7 @@ def random_family(rng: np.random.Generator) -> tuple[AffineFamily, float, float]
     high = float(rng.choice([low, low + 0.4, low + 1.5, math.inf]))
     constant = (rng.random(q) < 0.3).tolist()
     ranges = [(-1.0, float(rng.uniform(-0.5, 1.0))) for _ in range(q)]
-    return AffineFamily.from_ranges(A, G, effects, ranges, constant), low, high
+    return from_ranges(A, G, effects, ranges, constant), low, high
 
 
 def _at(parts: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.plant import Disturbed
-from obsdesign.equations.uncertain import MATRICES, Effect, NormalForm
+from obsdesign.equations.uncertain import MATRICES, Effect, NormalForm, largest_in_box
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.plant import Plant
@@ -60,18 +60,12 @@ class _Box:
         u = exact(bound)
         return _Box(np.append(self.lower, -u), np.append(self.upper, u))
 
-    def largest(self, X: Exact) -> Exact:
-        """The largest |X z|, row by row."""
-        middle, half = (self.lower + self.upper) / 2, (self.upper - self.lower) / 2
-        result: Exact = abs(X @ middle) + abs(X) @ half
-        return result
-
     def columns(self, X: Exact) -> Exact:
         """Columns E with X z = E d for some |d| <= 1, whatever z is in the box."""
         directions, rows = rank_factors(X)
         if directions.shape[1] > 1:
             directions, rows = exact(np.eye(len(X))), X.T
-        return _driving(directions * self.largest(rows.T))
+        return _driving(directions * largest_in_box(rows.T, self.lower, self.upper))
 
 
 def driven_error(plant: Plant, gains: LuenbergerGains, bounds: StateBounds | None) -> DrivenError:

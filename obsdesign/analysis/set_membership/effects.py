@@ -7,13 +7,19 @@ from fractions import Fraction
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Entries, Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.enclosure import TINY
 from obsdesign.analysis.folded import StateBounds, folded
 from obsdesign.analysis.nominal import nominal_problem
 from obsdesign.equations.set_membership.effects import Factors
 from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.equations.uncertain import EffectGains, NormalForm, fractions_of, rounded_up
+from obsdesign.equations.uncertain import (
+    EffectGains,
+    NormalForm,
+    fractions_of,
+    largest_in_box,
+    rounded_up,
+)
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 
@@ -82,9 +88,7 @@ def _largest(factors: Factors, bounds: StateBounds, inputs: Matrix | None) -> Ma
     lower, upper = fractions_of(bounds.lower), fractions_of(bounds.upper)
     rows, n = fractions_of(factors.rows), len(lower)
     known = np.zeros(rows.shape[1] - n) if inputs is None else inputs
-    sizes: Array = abs(rows[:, :n] @ ((lower + upper) / 2)) + abs(rows[:, :n]) @ (
-        (upper - lower) / 2
-    )
+    sizes = largest_in_box(rows[:, :n], lower, upper)
     sizes = sizes + abs(rows[:, n:]) @ fractions_of(known)
     totals = fractions_of(factors.of_column) @ sizes
     return np.array([max(rounded_up(Fraction(total)), TINY) for total in totals.tolist()])

@@ -29,6 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
+from obsdesign.column_names import numbered
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.splits import completed_split
 from obsdesign.equations.interval.width import Coordinates, WidthSystem
@@ -135,11 +136,6 @@ def sourced_width(
         for name in dict.fromkeys([*pushes, *kicks])
     }  # fmt: skip
     return SourcedWidth(flow.radius, None if jump is None else jump.radius, systems)
-
-
-def numbered(name: str, count: int) -> list[str]:
-    """y1, y2, ..."""
-    return [f"{name}{k + 1}" for k in range(count)]
 
 
 @dataclass(frozen=True)

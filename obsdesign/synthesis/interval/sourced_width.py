@@ -14,8 +14,9 @@ from lmi.arithmetic.balls import exact, inverse
 from lmi.solvers import merged
 from lmi.time_budget import TimeBudget
 from obsdesign.analysis.interval.requirements import objective_of
+from obsdesign.column_names import numbered
 from obsdesign.equations.interval.gains import CORRECTIONS, IntervalGains
-from obsdesign.equations.interval.sourced_width import numbered, sourced_width
+from obsdesign.equations.interval.sourced_width import sourced_width
 from obsdesign.equations.uncertain import NormalForm
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem

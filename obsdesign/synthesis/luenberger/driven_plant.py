@@ -17,6 +17,7 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.equations.uncertain import largest_in_box
 from obsdesign.problem.plant import Plant
 from obsdesign.synthesis.estimated_bounds import driven_bounds, settled_bounds
 from obsdesign.synthesis.luenberger.error_bound import KnownBox
@@ -102,11 +103,10 @@ class DrivenPlant:
 
 def _output_effects(uncertain: Plant, lower: Matrix, upper: Matrix) -> Matrix:
     """Largest effect of parameters on y in a box of x, (p,)."""
-    middle, half = (lower + upper) / 2, (upper - lower) / 2
     total = np.zeros(uncertain.p)
     for parameter in uncertain.parameters:
         low, high = parameter.range
         X = parameter.effects.get("C")
         if X is not None:
-            total += (high - low) / 2 * (np.abs(X @ middle) + np.abs(X) @ half)
+            total += (high - low) / 2 * largest_in_box(X, lower, upper)
     return total

@@ -14,7 +14,7 @@ from lmi.prove.parameter_cells import prove_cells
 from lmi.refute.parameter_words import refute_witness
 from lmi.time_budget import TimeBudget
 from lmi.verdict import Verdict
-from tests.lmi.parameter_examples import growing_or_reset, oscillator
+from tests.lmi.parameter_examples import from_ranges, growing_or_reset, oscillator
 
 ACCURACY = 1e-3
 
@@ -66,7 +66,7 @@ def test_what_varies_has_a_gap_and_what_is_constant_has_none() -> None:
 
 def scalar(flow: float, jump: float) -> AffineFamily:
     """x' = (flow +- 0.1) x, x+ = jump x."""
-    return AffineFamily.from_ranges([[flow]], [[jump]], [([[1]], [[0]])], [(-0.1, 0.1)])
+    return from_ranges([[flow]], [[jump]], [([[1]], [[0]])], [(-0.1, 0.1)])
 
 
 def test_everything_or_nothing() -> None:
@@ -89,7 +89,7 @@ def test_from_zero_on() -> None:
 
 
 def test_without_effects_no_factor_is_too_large() -> None:
-    family = AffineFamily.from_ranges([[-1]], [[0.5]], [([[0]], [[0]])], [(-1, 1)])
+    family = from_ranges([[-1]], [[0.5]], [([[0]], [[0]])], [(-1, 1)])
     bracket = uncertain_bracket(UncertainProblem(family, 1.0, 2.0, "factor", ACCURACY))
     assert bracket.proved is not None
     assert bracket.proved > 1e6

@@ -13,6 +13,7 @@ from lmi.parameters import AffineFamily
 from lmi.prove.parameter_cells import prove_cells
 from lmi.time_budget import TimeBudget
 from tests.lmi.parameter_examples import (
+    from_ranges,
     growing_or_reset,
     oscillator,
     sampled,
@@ -69,7 +70,7 @@ def test_a_flow_that_may_last_has_to_decay_under_parameters_that_switch() -> Non
     flow = [[0, 1], [-1, -0.1]]
 
     def family(radius: float) -> AffineFamily:
-        return AffineFamily.from_ranges(flow, 0.5 * np.eye(2), [effect], [(-radius, radius)])
+        return from_ranges(flow, 0.5 * np.eye(2), [effect], [(-radius, radius)])
 
     assert outcome(family(0.05), 0.0, math.inf) == "proved"
     verdict = decide_uncertain(family(0.3), 0.0, math.inf)
@@ -80,7 +81,7 @@ def test_a_flow_that_may_last_has_to_decay_under_parameters_that_switch() -> Non
 
 
 def test_without_parameters_it_is_the_plant() -> None:
-    family = AffineFamily.from_ranges([[-1]], [[2.0]], [], [])
+    family = from_ranges([[-1]], [[2.0]], [], [])
     assert outcome(family, math.log(2) + 1e-3, math.inf) == "proved"
     assert outcome(family, math.log(2) - 1e-3, math.inf) == "refuted"
 

@@ -13,12 +13,12 @@ from lmi.find.clock_matrix import find_clock_matrix, nodes_of
 from lmi.parameters import AffineFamily
 from lmi.prove.clock_matrix import prove_clock_matrix
 from lmi.prove.parameter_cells import DEEPEST, prove_cells
-from tests.lmi.parameter_examples import oscillator, sampled
+from tests.lmi.parameter_examples import from_ranges, oscillator, sampled
 
 
 def scalar(low: float, high: float, jump: float) -> AffineFamily:
     """x' = a x, a in [low, high]; x+ = jump x."""
-    return AffineFamily.from_ranges([[0]], [[jump]], [([[1]], [[0]])], [(low, high)])
+    return from_ranges([[0]], [[jump]], [([[1]], [[0]])], [(low, high)])
 
 
 # R rises from 1 to 2.5: R' = 1.5 < 2 R, and 2.5 > 1.5^2
@@ -161,7 +161,7 @@ def test_the_problem_decides_what_is_proved(certificate: NewEntries) -> None:
 
 def test_middle_and_half_are_not_the_same() -> None:
     """The twin of a range is the one with its middle and its half swapped."""
-    family = AffineFamily.from_ranges(
+    family = from_ranges(
         [[0, 1], [0, -0.1]], np.diag([1, 0.8]), [([[0, 0], [-1, 0]], np.zeros((2, 2)))],
         [(0.9, 1.1)],
     )  # fmt: skip

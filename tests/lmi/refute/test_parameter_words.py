@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 from lmi.arithmetic.balls import to_float
 from lmi.find.bang_bang import followed, worst_switching
 from lmi.find.worst_parameters import worst_points
-from lmi.parameters import AffineFamily
 from lmi.refute.parameter_words import (
     Stay,
     read_stays,
@@ -19,7 +18,7 @@ from lmi.refute.parameter_words import (
     refute_parameters,
     refute_witness,
 )
-from tests.lmi.parameter_examples import oscillator, sampled, table_5
+from tests.lmi.parameter_examples import from_ranges, oscillator, sampled, table_5
 
 FAMILY = oscillator(0.21)
 
@@ -75,7 +74,7 @@ def stay(*durations: float, p: float = 1.0, jump: tuple[float, ...] | None = (0.
     ],
 )  # fmt: skip
 def test_what_is_no_word_of_the_family_refutes_nothing(word: list[Stay], reason: str) -> None:
-    wild = AffineFamily.from_ranges([[3]], [[2]], [([[1]], [[0]])], [(-1, 1)])
+    wild = from_ranges([[3]], [[2]], [([[1]], [[0]])], [(-1, 1)])
     verdict = refute_parameters(wild, 1.0, 3.0, word)
     assert verdict.outcome == "undecided"
     assert reason in verdict.reason
@@ -85,7 +84,7 @@ def test_what_is_no_word_of_the_family_refutes_nothing(word: list[Stay], reason:
 
 def test_flows_without_jumps_are_for_ranges_without_an_end() -> None:
     """x' = a x decays at jumps, and grows where none come."""
-    family = AffineFamily.from_ranges([[0]], [[0.1]], [([[1]], [[0]])], [(-1, 0.5)])
+    family = from_ranges([[0]], [[0.1]], [([[1]], [[0]])], [(-1, 0.5)])
     flow = stay(1.0, jump=None)
     assert refute_parameters(family, 0.0, math.inf, [flow]).outcome == "refuted"
     assert refute_parameters(family, 0.0, 1.0, [flow]).outcome == "undecided"
@@ -108,7 +107,7 @@ def test_a_word_that_decays_refutes_nothing() -> None:
 def test_corners_may_be_stable_where_the_middle_is_not() -> None:
     """G(p) = 1.05 [p, 1; -1, -p]: its eigenvalues are 0 at the corners, 1.05 in size at p = 0."""
     effect = (np.zeros((2, 2)), [[1.05, 0], [0, -1.05]])
-    family = AffineFamily.from_ranges(
+    family = from_ranges(
         -0.01 * np.eye(2), [[0, 1.05], [-1.05, 0]], [effect], [(-1.0, 0.9)], [True]
     )
     worst = worst_points(family, 1.0, 2.0)[0]
@@ -134,7 +133,7 @@ def test_constant_parameters_refute_table_5_as_it_is_printed(row: int) -> None:
 def test_dwell_times_in_turn_may_refute_constant_parameters() -> None:
     """Every dwell time alone decays, and two of them in turn do not."""
     effect = ([[0, 1], [-1, 0]], np.zeros((2, 2)))
-    family = AffineFamily.from_ranges(
+    family = from_ranges(
         [[-0.1, 0], [0, -0.1]], np.diag([1.5, 0.2]), [effect], [(1.0, 1.1)], [True]
     )
     p = (-1.0,)
