@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
-from lmi.arithmetic.arrays import NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.arithmetic.balls import exact
 from lmi.parameters import MOST_PARAMETERS, AffineFamily
 from obsdesign.document import jsonable
@@ -21,6 +23,18 @@ _OF_PARAMETERS = {
     "jump": ("G_radius", "input_bound"),
     "output": ("C_radius",),
 }
+
+
+@dataclass(frozen=True)
+class NominalProblem:
+    """A problem without parameters, and what gains hold of those that a stated one has.
+
+    is_bounded: are there none, or do its bounds include their effects in a box of the state?
+    """
+
+    problem: Problem
+    entries: Entries = field(default_factory=dict)
+    is_bounded: bool = True
 
 
 def nominal_body(problem: Problem, form: NormalForm) -> NewEntries:

@@ -9,7 +9,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries
 from lmi.arithmetic.balls import exact
 from lmi.solvers import Solvers
-from obsdesign.analysis.folded import StateBounds, absolute_plant
+from obsdesign.analysis.widened import StateBounds, absolute_plant
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.plant import Plant
 from obsdesign.synthesis.tube import proved_tube, solvers_of_tube

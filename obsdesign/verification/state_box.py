@@ -10,7 +10,7 @@ from lmi.arithmetic.arrays import Array, Entries
 from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.tube import Tube, prove_tube
 from lmi.verdict import Verdict, proved, undecided
-from obsdesign.analysis.folded import StateBounds, absolute_plant
+from obsdesign.analysis.widened import StateBounds, absolute_plant
 from obsdesign.document import Claim
 from obsdesign.problem.plant import Plant
 from obsdesign.verification.assumptions import STATE_BOX

@@ -16,8 +16,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.balls import Exact, exact, rank_factors
-from obsdesign.analysis.folded import StateBounds, require_input_bounds
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
+from obsdesign.analysis.widened import StateBounds, require_input_bounds
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     jump_disturbance_matrix,

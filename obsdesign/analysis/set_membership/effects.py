@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, Matrix
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import TINY
-from obsdesign.analysis.folded import StateBounds, folded
-from obsdesign.analysis.nominal import nominal_problem
+from obsdesign.analysis.nominal import NominalProblem, nominal_problem
+from obsdesign.analysis.widened import StateBounds, widened
 from obsdesign.equations.set_membership.effects import Factors
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.equations.uncertain import (
@@ -24,19 +24,7 @@ from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 
 
-@dataclass(frozen=True)
-class NominalProblem:
-    """A problem without parameters, and what gains hold of them.
-
-    is_bounded: no parameters, or effects that a stated box bounds: then widths can be proved.
-    """
-
-    problem: Problem
-    entries: Entries = field(default_factory=dict)
-    is_bounded: bool = True
-
-
-def nominal(problem: Problem) -> NominalProblem:
+def in_stated_box(problem: Problem) -> NominalProblem:
     """The nominal problem and the entries of parameters; the problem itself without any.
 
     DoesNotApply for a rate of an unknown input beside parameters, or an uncertain input without a
@@ -52,7 +40,7 @@ def nominal(problem: Problem) -> NominalProblem:
             "flow.d_bounds",
         )
     form = NormalForm.from_plant(plant)
-    certain = nominal_problem(problem)
+    own = nominal_problem(problem)
     effects = [EffectGains.from_effect(effect) for effect in form.effects]
     entries: dict[str, object] = {"effects": [effect.to_document() for effect in effects]}
     if roundings := form.roundings():
@@ -61,17 +49,17 @@ def nominal(problem: Problem) -> NominalProblem:
         ]
     bounds = StateBounds.stated(plant)
     if bounds is None:
-        return NominalProblem(certain, entries, is_bounded=False)
-    certain_bounds = folded(problem, bounds)
+        return NominalProblem(own, entries, is_bounded=False)
+    wider = widened(problem, bounds)
     entries |= {"state_lower": bounds.lower, "state_upper": bounds.upper}
-    entries |= {name: most for name, most in certain_bounds.inputs.items() if most is not None}
-    gains = SetMembershipGains.from_plant(certain.plant, window=1, steps=1, **entries)
+    entries |= {name: most for name, most in wider.inputs.items() if most is not None}
+    gains = SetMembershipGains.from_plant(own.plant, window=1, steps=1, **entries)
     of_flow = _largest(gains.flow_factors, bounds, plant.flow.input_bound)
-    entries |= {"flow_effect": of_flow, "output_effect": certain_bounds.output}
+    entries |= {"flow_effect": of_flow, "output_effect": wider.output}
     if plant.jump is not None:
         of_jump = _largest(gains.jump_factors, bounds, plant.jump.input_bound)
         entries |= {"jump_effect": of_jump}
-    return NominalProblem(certain, entries)
+    return NominalProblem(own, entries)
 
 
 def with_all_noise(gains: SetMembershipGains) -> SetMembershipGains:

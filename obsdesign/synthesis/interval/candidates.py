@@ -44,7 +44,7 @@ from obsdesign.synthesis.interval.sampled_bases import sampled_bases
 from obsdesign.synthesis.interval.sampled_candidates import sampled_candidates
 from obsdesign.synthesis.interval.several_clocks import clocked_candidate
 from obsdesign.synthesis.interval.similarity import coordinates_of_assumption_4
-from obsdesign.synthesis.interval.state_box import certain_problem
+from obsdesign.synthesis.interval.state_box import boxed_problem
 from obsdesign.synthesis.interval.task import GainSearch, Task
 
 
@@ -63,12 +63,12 @@ def synthesize_constrained(
 
     constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn.
     """
-    certain = certain_problem(problem)
-    sourced, common = certain.sourced(budget, constraints), None
+    boxed = boxed_problem(problem)
+    sourced, common = boxed.sourced(budget, constraints), None
     if sourced is not None:
-        common = CommonCoordinates(certain.with_parameters, sourced)
-    candidates = _candidates(certain.problem, constraints, budget, common)
-    return certain.completed(candidates, sourced)
+        common = CommonCoordinates(boxed.with_parameters, sourced)
+    candidates = _candidates(boxed.nominal.problem, constraints, budget, common)
+    return boxed.completed(candidates, sourced)
 
 
 def _candidates(

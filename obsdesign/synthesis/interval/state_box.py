@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
+from lmi.arithmetic.arrays import EntriesByClaim, Matrix
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import TimeBudget
-from obsdesign.analysis.folded import StateBounds, folded, nominal
 from obsdesign.analysis.interval.requirements import reason_against_parameters
+from obsdesign.analysis.nominal import NominalProblem
+from obsdesign.analysis.widened import StateBounds, widened, without_box
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.problem import Problem
@@ -25,17 +26,15 @@ from obsdesign.synthesis.state_box import proposed_box
 
 
 @dataclass(frozen=True)
-class CertainProblem:
-    """A problem without parameters, and what its candidates have besides.
+class BoxedProblem:
+    """A stated problem, and the nominal one that is solved for it.
 
-    stated: the problem itself; entries: of the gains; certificates: of the box, None where the
-    state has no known bounds; solvers: those that it took.
+    certificates: of the box; solvers: those that it took.
     """
 
     stated: Problem
-    problem: Problem
-    entries: Entries = field(default_factory=dict)
-    certificates: EntriesByClaim | None = field(default_factory=dict)
+    nominal: NominalProblem
+    certificates: EntriesByClaim = field(default_factory=dict)
     solvers: Solvers = ()
 
     def completed(
@@ -45,7 +44,7 @@ class CertainProblem:
 
         sourced: where there is no box, what certifies their radius.
         """
-        if not self.entries:
+        if not self.nominal.entries:
             yield from candidates
             return
         for candidate in candidates:
@@ -57,13 +56,13 @@ class CertainProblem:
                     continue
             yield replace(
                 candidate, gains=gains, solvers=merged(candidate.solvers, self.solvers),
-                certificates={**candidate.certificates, **(self.certificates or {})},
+                certificates={**candidate.certificates, **self.certificates},
             )  # fmt: skip
 
     def with_parameters(self, gains: IntervalGains) -> IntervalGains:
         """Gains with the parameters, and gains on the measured part of their effects."""
-        gains = IntervalGains.from_document({**gains.to_document(), **self.entries})
-        measured = self.problem.plant.output.measured
+        gains = IntervalGains.from_document({**gains.to_document(), **self.nominal.entries})
+        measured = self.stated.plant.output.measured
         return replace(gains, **corrections(gains, measured, self._sizes, gains.noise_bound))
 
     @cached_property
@@ -72,43 +71,42 @@ class CertainProblem:
 
         One where it is a point, and any number will do.
         """
-        if self.certificates is None:
-            return SignalSizes.from_problem(self.stated, self.problem).x
-        lower, upper = (np.asarray(self.entries[f"state_{end}"]) for end in ("lower", "upper"))
+        if not self.nominal.is_bounded:
+            return SignalSizes.from_problem(self.stated, self.nominal.problem).x
+        lower, upper = (
+            np.asarray(self.nominal.entries[f"state_{end}"]) for end in ("lower", "upper")
+        )
         largest = np.maximum(np.abs(lower), np.abs(upper))
         return np.where(largest > 0, largest, 1.0)
 
     def sourced(self, budget: TimeBudget, user: UserConstraints | None) -> SourcedSearch | None:
         """The search without a box of the state; None with one, or without parameters."""
-        if self.certificates is not None:
+        if self.nominal.is_bounded:
             return None
-        return SourcedSearch(self.stated, self.problem, budget, user)
+        return SourcedSearch(self.stated, self.nominal.problem, budget, user)
 
 
-def certain_problem(problem: Problem) -> CertainProblem:
+def boxed_problem(problem: Problem) -> BoxedProblem:
     """The problem itself, or that of its nominal plant with the effects of parameters in bounds.
 
     DoesNotApply where the state has no known bounds.
     """
     plant = problem.plant
     if not plant.parameters:
-        return CertainProblem(problem, problem)
+        return BoxedProblem(problem, NominalProblem(problem))
     if reason := reason_against_parameters(problem):
         raise InputError(reason)
     if (stated := StateBounds.stated(plant)) is not None:
-        certain = folded(problem, stated)
-        return CertainProblem(problem, certain.problem, certain.entries)
+        return BoxedProblem(problem, widened(problem, stated).nominal)
     try:
         box = proposed_box(plant)
     except DoesNotApply as error:
         if plant.output.measured != "periodic":
-            return CertainProblem(problem, *nominal(problem), certificates=None)
+            return BoxedProblem(problem, without_box(problem))
         raise DoesNotApply(
             f"[state], bounds of x, is required by kind 'interval' for this plant with "
             f"{plant.parameters[0].entry}: {error}.",
             "state",
         ) from None
-    certain = folded(problem, box.bounds)
-    return CertainProblem(
-        problem, certain.problem, certain.entries, {"state_box": box.certificate}, box.solvers
-    )
+    nominal = widened(problem, box.bounds).nominal
+    return BoxedProblem(problem, nominal, {"state_box": box.certificate}, box.solvers)

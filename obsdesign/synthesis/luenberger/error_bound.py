@@ -12,7 +12,6 @@ from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.bounds.tube import Tube
 from lmi.solvers import Solvers, merged
-from obsdesign.analysis.folded import StateBounds, absolute_plant
 from obsdesign.analysis.luenberger.driven_error import (
     DrivenError,
     driven_error,
@@ -28,6 +27,7 @@ from obsdesign.analysis.luenberger.error_bounds import (
     is_tube,
 )
 from obsdesign.analysis.nominal import stability_dwell
+from obsdesign.analysis.widened import StateBounds, absolute_plant
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.plant import Plant

@@ -11,7 +11,8 @@ from lmi.arithmetic.arrays import NewEntries
 from lmi.decide.stability import decide
 from lmi.solvers import Solvers
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, ended_by_count, remark_end
-from obsdesign.analysis.set_membership.effects import NominalProblem, nominal, with_all_noise
+from obsdesign.analysis.nominal import NominalProblem
+from obsdesign.analysis.set_membership.effects import in_stated_box, with_all_noise
 from obsdesign.analysis.set_membership.observable_window import determines_state
 from obsdesign.analysis.set_membership.requirements import (
     pattern_of,
@@ -39,19 +40,19 @@ _NEAR = 1.1
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield the observer of the problem; DoesNotApply where its bounds need what is missing."""
-    certain = nominal(problem)
-    problem = certain.problem
+    nominal = in_stated_box(problem)
+    problem = nominal.problem
     problem.require_noise_bound()
     if reason := reason_against(problem):
         raise DoesNotApply(reason)
     options = problem.options_as(SetMembershipOptions)
-    chosen = _chosen(certain, budget)
-    gains = _gains(certain, chosen.window)
-    certificates: dict[str, NewEntries] = _decay(problem, budget) if certain.is_bounded else {}
+    chosen = _chosen(nominal, budget)
+    gains = _gains(nominal, chosen.window)
+    certificates: dict[str, NewEntries] = _decay(problem, budget) if nominal.is_bounded else {}
     if chosen.tube is not None:
         gains = replace(gains, multipliers=chosen.tube.multipliers)
         certificates["width"] = {"tube": chosen.tube.radii.tolist()}
-    if chosen.witness is not None and not certain.entries:  # its disturbances are free ones
+    if chosen.witness is not None and not nominal.entries:  # its disturbances are free ones
         certificates["optimal"] = {"trajectories": chosen.witness.to_document()}
     solvers: Solvers = () if chosen.tube is None else ("HiGHS",)
     yield Candidate(
@@ -75,16 +76,16 @@ class _Window:
     remarks: tuple[Remark, ...] = ()
 
 
-def _chosen(certain: NominalProblem, budget: TimeBudget) -> _Window:
+def _chosen(nominal: NominalProblem, budget: TimeBudget) -> _Window:
     """The window of the problem, or the shortest one that loses little."""
-    problem = certain.problem
+    problem = nominal.problem
     options, plant = problem.options_as(SetMembershipOptions), problem.plant
     least = max(2 * (options.fixed_lag or 0), shortest_window(plant))
     default = options.window or max(default_window(plant.n), least)
     pattern = pattern_of(plant)
-    if isinstance(pattern, str) or not certain.is_bounded:
+    if isinstance(pattern, str) or not nominal.is_bounded:
         return _Window(default)
-    gains = with_all_noise(_gains(certain, default))
+    gains = with_all_noise(_gains(nominal, default))
     search = Search(gains, pattern, budget.scaled(WORK))
     lengths = [options.window] if options.window else _lengths(plant, gains, pattern, least)
     default = max(default, lengths[0])
@@ -120,13 +121,13 @@ def _lengths(plant: Plant, gains: SetMembershipGains, pattern: Pattern, least: i
     return lengths
 
 
-def _gains(certain: NominalProblem, window: int) -> SetMembershipGains:
-    problem = certain.problem
+def _gains(nominal: NominalProblem, window: int) -> SetMembershipGains:
+    problem = nominal.problem
     options = problem.options_as(SetMembershipOptions)
     return SetMembershipGains.from_plant(
         problem.plant, window=window, steps=options.steps, fixed_lag=options.fixed_lag,
         directions=None if options.directions is None else np.array(options.directions),
-        **certain.entries,
+        **nominal.entries,
     )  # fmt: skip
 
 

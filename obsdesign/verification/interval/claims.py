@@ -36,7 +36,7 @@ from obsdesign.verification.interval.signs import (
     split_claim,
 )
 from obsdesign.verification.interval.sourced_width import sourced_claims
-from obsdesign.verification.interval.state_box import certain_plant
+from obsdesign.verification.interval.state_box import nominal_in_box
 from obsdesign.verification.interval.uncertain_width import uncertain_claims
 from obsdesign.verification.interval.width import limit_claim, width_claim
 from obsdesign.verification.rates import rates_claim
@@ -74,16 +74,16 @@ def claims(
         return uncertain_claims(problem, stored, certificates)
     if problem.plant.needs_clock_gains:
         return clocked_claims(problem, stored, certificates)
-    certain = certain_plant(problem, certificates)
-    if certain.failed:
-        return certain.failed
-    uncertain, problem = problem, certain.problem
-    agreement, gains = agreed_gains(problem, stored, certain.entries)
+    nominal, box_claims = nominal_in_box(problem, certificates)
+    if nominal is None:
+        return box_claims
+    uncertain, problem = problem, nominal.problem
+    agreement, gains = agreed_gains(problem, stored, nominal.entries)
     if gains is None or agreement.verdict != "proved":
         return (agreement,)
     source = f"{PAPER}, {THEOREMS[gains.form]}"
-    hypotheses = (agreement, *certain.claims, *_hypotheses(problem, gains, source))
-    if not certain.is_bounded:
+    hypotheses = (agreement, *box_claims, *_hypotheses(problem, gains, source))
+    if not nominal.is_bounded:
         sourced = sourced_claims(uncertain, gains, certificates, paranoid)
         return with_hints(problem, (*hypotheses, *sourced))
     system = WidthSystem.from_gains(gains, exact, inverse)

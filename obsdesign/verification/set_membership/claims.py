@@ -10,7 +10,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import undecided
-from obsdesign.analysis.set_membership.effects import nominal, with_all_noise
+from obsdesign.analysis.set_membership.effects import in_stated_box, with_all_noise
 from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains, plant_entries
@@ -38,15 +38,15 @@ def claims(
     """
     del budget  # proofs end by their size
     try:
-        certain = nominal(problem)
+        nominal = in_stated_box(problem)
     except DoesNotApply as error:
         return (inconsistent(str(error)),)
-    problem = certain.problem
-    expected = {**_expected(problem, stored), **certain.entries}
+    problem = nominal.problem
+    expected = {**_expected(problem, stored), **nominal.entries}
     agreement, gains = consistent_gains(
         reason_against(problem), stored, expected, SetMembershipGains.from_document
     )
-    if gains is None or not certain.is_bounded:
+    if gains is None or not nominal.is_bounded:
         return (agreement,)
     gains = with_all_noise(gains)
     observable = observability_claims(problem, gains, certificates.get("attainable", {}), paranoid)
@@ -54,7 +54,7 @@ def claims(
     if isinstance(pattern, str):
         return (agreement, *observable)
     width = width_claims(gains, pattern, certificates.get("width", {}))
-    proposed = {} if certain.entries else certificates.get("optimal", {})
+    proposed = {} if nominal.entries else certificates.get("optimal", {})
     least = optimal_claims(gains, pattern, proposed, width[0] if width else None)
     return (agreement, *observable, *without_contradiction(width, least))
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.analysis.folded import StateBounds, folded
+from obsdesign.analysis.widened import StateBounds, widened
 from obsdesign.document import Claim
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.problem import Problem
@@ -134,7 +134,7 @@ def test_another_way_to_write_a_parameter_changes_no_number(change: Any) -> None
     other = copy.deepcopy(body)
     change(other)
     plain, changed = (
-        folded(problem, StateBounds.stated(problem.plant))  # type: ignore[arg-type]
+        widened(problem, StateBounds.stated(problem.plant))  # type: ignore[arg-type]
         for problem in map(Problem.from_dict, (body, other))
     )
     assert plain.problem == changed.problem
@@ -147,7 +147,7 @@ def test_effects_of_exchange_do_not_count_the_mean() -> None:
     problem = Problem.from_dict(rooms())
     bounds = StateBounds.stated(problem.plant)
     assert bounds is not None
-    np.testing.assert_allclose(folded(problem, bounds).flow, [3, 3], rtol=1e-14)
+    np.testing.assert_allclose(widened(problem, bounds).flow, [3, 3], rtol=1e-14)
 
 
 def test_uncertain_inputs_need_a_bound() -> None:
@@ -162,7 +162,7 @@ def test_uncertain_inputs_need_a_bound() -> None:
     problem = Problem.from_dict(body)
     bounds = StateBounds.stated(problem.plant)
     assert bounds is not None
-    added = folded(problem, bounds).flow
+    added = widened(problem, bounds).flow
     np.testing.assert_allclose(added, [0, 0.24 + 0.2], rtol=1e-12)
     outcome = investigate(problem)
     assert outcome.verdict == "proved"
@@ -179,7 +179,7 @@ def test_noise_and_shaped_disturbances_grow_by_their_effects() -> None:
     problem = Problem.from_dict(body)
     bounds = StateBounds.stated(problem.plant)
     assert bounds is not None
-    certain = folded(problem, bounds).problem.plant
+    certain = widened(problem, bounds).problem.plant
     np.testing.assert_allclose(certain.output.noise_bound, [[-0.07, 0.09]], rtol=1e-12)  # type: ignore[arg-type]
     assert certain.jump is not None
     assert certain.jump.disturbance_matrix is not None
@@ -222,7 +222,7 @@ def test_a_smaller_box_is_not_proved() -> None:
            for key in ("tube", "after_jump", "before_jump", "always")}  # fmt: skip
     ends = (np.array(box[key]) for key in ("tube", "always", "before_jump"))
     bounds = StateBounds.proved(*ends)
-    certain = folded(problem, bounds)
+    certain = widened(problem, bounds)
     kept = {key: design.gains[key] for key in ("L", "M", "D0", "D1", "Gp", "Gn", "form")}
     same = obsdesign.design(certain.problem).gains
     gains = {**same, **kept, **certain.entries}

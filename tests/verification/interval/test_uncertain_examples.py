@@ -19,7 +19,7 @@ import scipy.linalg
 import obsdesign
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.stability import decide
-from obsdesign.analysis.folded import absolute_plant
+from obsdesign.analysis.widened import absolute_plant
 from obsdesign.data.simulation import simulate
 from obsdesign.equations.interval.certain_bounds import without_state_bounds
 from obsdesign.equations.interval.gains import IntervalGains

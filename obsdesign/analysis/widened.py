@@ -14,7 +14,7 @@ from fractions import Fraction
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix, NewEntries, Value
-from obsdesign.analysis.nominal import nominal_body, nominal_problem
+from obsdesign.analysis.nominal import NominalProblem, nominal_body, nominal_problem
 from obsdesign.document import jsonable
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.plant import Plant as PlantNumbers
@@ -60,7 +60,7 @@ class StateBounds:
 
 
 @dataclass(frozen=True)
-class Folded:
+class Widened:
     """A problem without parameters, and what it has taken into its bounds.
 
     flow, jump (n,), output (p,): what parameters add to x', x+ and y at most, rounded up; inputs:
@@ -74,6 +74,11 @@ class Folded:
     output: Matrix
     effects: tuple[EffectGains, ...]
     inputs: Mapping[str, Matrix | None]
+
+    @property
+    def nominal(self) -> NominalProblem:
+        """The problem without parameters, and what a design stores of them."""
+        return NominalProblem(self.problem, self.entries)
 
     @property
     def entries(self) -> NewEntries:
@@ -96,7 +101,7 @@ class Folded:
         return entries | {key: own for key, own in self.inputs.items() if own is not None}
 
 
-def folded(problem: Problem, bounds: StateBounds) -> Folded:
+def widened(problem: Problem, bounds: StateBounds) -> Widened:
     """The problem with the nominal plant, its bounds widened by the effects of all parameters.
 
     DoesNotApply where a known input is uncertain and has no bound.
@@ -112,17 +117,19 @@ def folded(problem: Problem, bounds: StateBounds) -> Folded:
         "input_bound": plant.flow.input_bound,
         "jump_input_bound": None if jump is None else jump.input_bound,
     }
-    return Folded(_certain(problem, form, sizes), bounds, flow, jump_size, output, stored, inputs)
+    return Widened(
+        _with_effects(problem, form, sizes), bounds, flow, jump_size, output, stored, inputs
+    )
 
 
-def nominal(problem: Problem) -> tuple[Problem, NewEntries]:
-    """The problem with the nominal plant and bounds as stated, and what a design stores besides."""
+def without_box(problem: Problem) -> NominalProblem:
+    """The nominal problem with bounds as stated, and what a design stores besides."""
     form = NormalForm.from_plant(problem.plant)
     effects = [EffectGains.from_effect(effect).to_document() for effect in form.effects]
-    return nominal_problem(problem), {"effects": effects}
+    return NominalProblem(nominal_problem(problem), {"effects": effects}, is_bounded=False)
 
 
-def _certain(problem: Problem, form: NormalForm, sizes: tuple[Array, Array, Array]) -> Problem:
+def _with_effects(problem: Problem, form: NormalForm, sizes: tuple[Array, Array, Array]) -> Problem:
     """The problem with nominal matrices, bounds widened by these sizes, without parameters."""
     body = nominal_body(problem, form)
     _widen(body["flow"], sizes[0])
