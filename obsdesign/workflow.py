@@ -20,6 +20,7 @@ from obsdesign.synthesis.kind import Constraints
 from obsdesign.verification.answers import is_ended, reason, with_untried
 from obsdesign.verification.document import Sentences, document_claim, sentences_from, state_rows
 from obsdesign.verification.kind import verification_for, verification_of
+from obsdesign.verification.second_opinion import checker_claims
 from obsdesign.version import provenance
 
 _Key = TypeVar("_Key", bound=Hashable)
@@ -216,8 +217,9 @@ class NotProved(Exception):
 def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     """Prove all claims again from the design alone; no optimisation solver is used.
 
-    paranoid: prove a second time by an independent method where there is one (docs/proofs.md). The
-    claim `document` compares what the design states with what was proved. InputError where
+    paranoid: prove a second time by an independent method where there is one, and by the programs
+    of `obsdesign/checker`, claim `checker`, where they read the design (docs/proofs.md). The claim
+    `document` compares what the design states with what was proved. InputError where
     problem and kind of the design do not agree.
     """
     verification_of(design.kind)  # is it a kind?
@@ -233,7 +235,7 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
         raise InputError(str(error)) from None
     document, sentences = document_claim(problem, design, claims)
     rows = state_rows(problem, claims)
-    claims = (*claims, document)
+    claims = (*claims, *(checker_claims(design) if paranoid else ()), document)
     verdict = overall(claim.verdict for claim in claims)
     result = {"states": rows} if rows else {}
     return Outcome(

@@ -23,3 +23,11 @@ Entries = Mapping[str, Value]
 NewEntries = dict[str, Value]
 # by the id of a claim, what a search proposes as its proof
 EntriesByClaim = Mapping[str, Entries]
+
+
+def floats(values: object) -> Matrix:
+    """Nested lists of numbers as an array; TypeError or ValueError where something else stands."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise TypeError("numbers are due")
+    return array.astype(np.float64)

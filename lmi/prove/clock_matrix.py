@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries
+from lmi.arithmetic.arrays import Entries, floats
 from lmi.arithmetic.balls import Exact, certify_pivots, exact, rational
 from lmi.parameters import AffineFamily
 from lmi.verdict import Verdict, proved, undecided
@@ -105,8 +105,7 @@ def _conditions(
 def read_clock_matrix(certificate: Entries, n: int) -> ClockMatrix | None:
     """Return the exact R and nodes of a stored certificate; None where they are none."""
     try:
-        nodes = np.asarray(certificate["nodes"], dtype=np.float64)
-        R = np.asarray(certificate["R"], dtype=np.float64)
+        nodes, R = floats(certificate["nodes"]), floats(certificate["R"])
     except (KeyError, OverflowError, TypeError, ValueError):
         return None
     if nodes.ndim != 1 or R.ndim != 3 or R.shape[1:] != (n, n) or not len(nodes) or not len(R):

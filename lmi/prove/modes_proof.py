@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value, floats
 from lmi.arithmetic.balls import exact
 from lmi.modes import Modes, Stay
 from lmi.prove.common_matrix import BOX_LIMIT, prove
@@ -132,7 +132,7 @@ def read_cells(modes: Modes, certificate: Entries) -> tuple[list[ModeCell], Matr
         raise ValueError(f"the certificate must hold from 1 to {_MOST_CELLS} cells")
     try:
         cells = [_cell(entry, modes) for entry in listed]
-        matrices = np.array([entry["P"] for entry in listed], dtype=np.float64)
+        matrices = floats([entry["P"] for entry in listed])
     except (KeyError, TypeError, ValueError, IndexError, AttributeError):
         raise ValueError("cells of the certificate are not as they should be") from None
     n = len(modes.flows[0])

@@ -12,37 +12,63 @@ import math
 
 import numpy as np
 
-from lmi.arithmetic.balls import Balls, ball, certify_positive_definite, exact, middle
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import (
+    PRECISIONS,
+    Balls,
+    Exact,
+    ball,
+    certify_positive_definite,
+    exact,
+    middle,
+    precision,
+)
 from lmi.prove.hurwitz import lyapunov_matrix, modal_matrix
 
 
 def falling_forms(F: Balls, bound: Balls) -> list[Balls]:
     """Certified Q >= bound with F'Q + QF < 0, for ball matrices; bound >= 0.
 
-    Any such Q is positive definite and shows that F is Hurwitz. Modal coordinates do not mind slow
-    modes, a Lyapunov equation does not mind multiple ones.
+    Any such Q is positive definite and shows that F is Hurwitz.
     """
     if _falling(F, bound):
         return [bound]
-    approx, weight = middle(F), middle(bound)
-    if not (np.isfinite(approx).all() and np.isfinite(weight).all()):
-        return []
-    unit = np.eye(len(approx))
-    weight = weight + (1e-3 * np.trace(weight) / len(weight) + 1e-300) * unit
     forms = []
-    for Q in (modal_matrix(approx), lyapunov_matrix(approx, weight)):
+    for Q in proposed_forms(middle(F), middle(bound)):
+        Q_ball = ball(exact(Q))
+        if certify_positive_definite(Q_ball - bound) and _falling(F, Q_ball):
+            forms.append(Q_ball)
+    return forms
+
+
+def proposed_forms(F: Matrix, bound: Matrix) -> list[Matrix]:
+    """Matrices Q > bound that fall along the flow F as far as floats tell; bound >= 0.
+
+    Modal coordinates do not mind slow modes, a Lyapunov equation does not mind multiple ones.
+    """
+    if not (np.isfinite(F).all() and np.isfinite(bound).all()):
+        return []
+    weight = bound + (1e-3 * np.trace(bound) / len(bound) + 1e-300) * np.eye(len(F))
+    forms = []
+    for Q in (modal_matrix(F), lyapunov_matrix(F, weight)):
         if Q is None:
             continue
         try:
             scale = float(np.linalg.eigvals(np.linalg.solve(Q, weight)).real.max())
         except np.linalg.LinAlgError:
             continue
-        if not 0 < scale < math.inf:
-            continue
-        Q_ball = ball(exact(Q * scale * (1 + 1e-6)))
-        if certify_positive_definite(Q_ball - bound) and _falling(F, Q_ball):
-            forms.append(Q_ball)
+        if 0 < scale < math.inf:
+            forms.append(Q * scale * (1 + 1e-6))
     return forms
+
+
+def certify_falling(F: Exact, X: Exact) -> bool:
+    """Certify X > 0 and F'X + XF < 0 for exact matrices, X symmetric: F is Hurwitz."""
+    for bits in PRECISIONS:
+        with precision(bits):
+            if certify_positive_definite(ball(X)) and _falling(ball(F), ball(X)):
+                return True
+    return False
 
 
 def _falling(F: Balls, Q: Balls) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, floats
 from lmi.arithmetic.balls import Rational, rational
 
 Interval = tuple[float, float]
@@ -65,7 +65,7 @@ def _read(
         raise Unreadable(f"more than {_MOST} windows are not looked at")
     try:
         boxes = tuple(_box(window["dwell"], ends) for window in windows)
-        P = np.array([window["P"] for window in windows], dtype=np.float64)
+        P = floats([window["P"] for window in windows])
         edges = [
             (_index(s), _index(t), end_of_cell(a), end_of_cell(b))
             for s, t, a, b in certificate["edges"]

@@ -36,12 +36,12 @@ import math
 import sys
 from fractions import Fraction
 from operator import mul
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 Matrix = List[List[Fraction]]
 Table = Dict[str, Any]
-Time = Union[Fraction, float]  # a float is infinity
-Range = Tuple[Fraction, Time]  # (shortest, longest)
+Time = Any  # a Fraction, or math.inf
+Range = Tuple[Time, Time]  # (shortest, longest)
 
 BITS = 256  # balls count in units of 2^-BITS
 DEGREE = 6  # of Taylor polynomials
@@ -218,12 +218,12 @@ def derivative(F: Ball, X: Ball) -> Ball:
 
 
 def factor(X: Ball, Y: Ball) -> Optional[Fraction]:
-    """A c with X < c Y, for Y > 0, within some per cent of the least; None if it is above 2^60.
+    """A c with X < c Y, for Y > 0, within some per cent of the least; None if it is above 2^68.
 
     From 2^-60 on c grows by ever smaller steps, each of which is taken if its end does not serve.
     """
-    c, fine = Fraction(1, 2**60), [1 + Fraction(1, 2**k) for k in range(1, 6)]
-    for step in (2**64, 2**32, 2**16, 2**8, 2**4, 2**2, 2, *fine):
+    c, coarse = Fraction(1, 2**60), [Fraction(2**2**k) for k in (6, 5, 4, 3, 2, 1, 0)]
+    for step in coarse + [1 + Fraction(1, 2**k) for k in range(1, 6)]:
         if not is_less(X, Y.scaled(c * step)):
             c *= step
     c *= 1 + Fraction(1, 16)
@@ -233,7 +233,8 @@ def factor(X: Ball, Y: Ball) -> Optional[Fraction]:
 # 3. The exponential of a flow, and ranges of time ------------------------------------------------
 
 
-Settles, Reach = Callable[[Ball], bool], Callable[[Ball, Fraction], Fraction]
+Settles = Callable[[Ball], bool]
+Reach = Callable[[Ball, Fraction], Fraction]
 
 
 class Flow:
@@ -260,7 +261,7 @@ class Flow:
         E = self.map(low).times(start)
         if not settles(E):
             late = high == math.inf
-            length = self.time_of_tail(E, settles) if late else Fraction(high) - low
+            length = self.time_of_tail(E, settles) if late else high - low
             self.cover(E, length, reach)
 
     def cover(self, E: Ball, length: Fraction, reach: Reach) -> None:
@@ -376,7 +377,7 @@ class Decrease:
         """
         unit = ball(identity(len(self.P.x))).scaled(Fraction(norm(self.P.x), 1 << BITS))
         shares = (Fraction(0), Fraction(1, 1000), Fraction(1, 30), Fraction(1))
-        choices = []
+        choices: List[Tuple[float, int, Tuple[Ball, Fraction, Fraction]]] = []
         for R in (*self.tails, *(self.P.plus(unit.scaled(share)) for share in shares)):
             if is_positive(R):
                 growth = derivative(self.flow.F, R)
@@ -414,7 +415,7 @@ def remainder_factor(h: Fraction, mu: Fraction, c: Fraction) -> Fraction:
     It is the integral of (u - v)^d / d! e^(F'v) L^(d+1)(P) e^(Fv) over v in [0, u], where
     L^(d+1)(P) <= c R, and e^(F'v) R e^(Fv) <= e^(mu v) R because L(R) <= mu R; e < 3.
     """
-    return c * h ** (DEGREE + 1) / math.factorial(DEGREE + 1) * 3 ** math.ceil(mu * h)
+    return Fraction(c * h ** (DEGREE + 1) / math.factorial(DEGREE + 1) * 3 ** math.ceil(mu * h))
 
 
 # 5. One vector inequality for a range of times ---------------------------------------------------
@@ -479,8 +480,9 @@ def check_partition(windows: Sequence[Cells], region: Cells, ends: Range) -> Non
             below = [window for window in windows if window.get(j, ends)[1] <= cut]
             above = [window for window in windows if window.get(j, ends)[0] >= cut]
             if low < cut < high and above and len(below) + len(above) == len(windows):
-                check_partition(below, {**region, j: (low, Fraction(cut))}, ends)
-                return check_partition(above, {**region, j: (Fraction(cut), high)}, ends)
+                check_partition(below, {**region, j: (low, cut)}, ends)
+                check_partition(above, {**region, j: (cut, high)}, ends)
+                return
     raise NotProved("the windows do not divide all sequences of dwell times")
 
 
@@ -561,7 +563,7 @@ def array(value: Any, shape: str, sizes: Dict[str, int]) -> Any:
 
 def keys_once(items: List[Tuple[str, Any]]) -> Table:
     """A table of the file, whose keys must differ."""
-    demand(len(dict(items)) == len(items), "a key stands twice in a table")
+    demand(len(dict(items)) == len(items), "a key stands twice")
     return dict(items)
 
 
@@ -581,17 +583,15 @@ class Design:
         is_design = body["format"] == "obsdesign/design" and repr(body["version"]) == "1"
         demand(is_design and body["kind"] in ("interval", "luenberger"), "no design of these kinds")
         self.kind, self.gains, self.problem = body["kind"], body["gains"], body["problem"]
-        demand(
-            {*self.problem} <= {"name", "names", "observer", *PROBLEM},
-            "such plants are not checked",
-        )
+        known = {"name", "names", "observer", *PROBLEM}
+        demand({*self.problem} <= known, "plants with other blocks are not checked")
         for place, names in PROBLEM.items():
             unknown = {*self.problem.get(place, {})} - {*names.split()}
             demand(not unknown, f"{place}: {sorted(unknown)} is not known to this program")
         measured = self.problem["output"]["measured"]
         demand(measured in ("continuous", "at_jumps"), "y that is sampled otherwise is not checked")
         self.has_jumps = "jump" in self.problem
-        self.evidence = {claim["id"]: claim["evidence"] for claim in body["claims"]}
+        self.evidence = keys_once([(entry["id"], entry["evidence"]) for entry in body["claims"]])
         self.sizes: Dict[str, int] = {}
         self.n = len(self.array("A", "nn"))
         self.ends = interval(self.gains["dwell_time"] if self.has_jumps else [0, "inf"])
@@ -676,7 +676,7 @@ def width_maps(design: Design) -> Tuple[Matrix, Optional[Matrix]]:
 def matrices(values: Any, shape: str, n: int) -> Balls:
     """Symmetric matrices of a certificate, n x n for shape knn, of another size for kmm."""
     result: List[Matrix] = array(values, shape, {"n": n}) if values else []
-    demand(all(X == transposed(X) for X in result), "a matrix of a certificate is not symmetric")
+    demand(all(transposed(X) == X for X in result), "a matrix of a certificate is not symmetric")
     return [ball(X) for X in result]
 
 
@@ -747,7 +747,7 @@ def prove_windows(F: Matrix, H: Matrix, edges: List[Edge], P: Balls, tails: Ball
     flow = Flow(ball(F))
     for (t, low, high), earlier in sources.items():
         inequality = Decrease(flow, between(ball(V), P[t]), [P[s] for s in earlier], tails)
-        inequality.prove(ball(right), (Fraction(low), high))
+        inequality.prove(ball(right), (low, high))
 
 
 def prove_vector(F: Matrix, H: Matrix, ends: Range, evidence: Table) -> None:

@@ -7,10 +7,12 @@ This file needs nothing but Python >= 3.8 and its standard library. It is the se
 check_design.py, which proves what the gains in a file do; here is whether they are those of the
 plant that stands in the same file:
 
-    A, B, C, G, E, dwell times, when y is measured      the same numbers and words
-    L, M, splits and coordinates that were given        the same numbers; zero where nothing is measured
-    bounds of b = X w (and of c), lower <= w <= upper   lower_i <= sum_k min(X_ik lower_k, X_ik upper_k)
-    bounds of the noise, |v - centre| <= radius         centre - radius <= lower, upper <= centre + radius
+    A, B, C, G, E, dwell times, when y is measured: the same numbers and words
+    L, M, splits and coordinates that were given: the same; zero where nothing is measured
+    bounds of b = X w, lower <= w <= upper (and of c):
+        stored lower_i <= sum_k min(X_ik lower_k, X_ik upper_k), likewise upper
+    bounds of the noise, lower <= v <= upper, stored as |v - centre| <= radius:
+        centre - radius <= lower, upper <= centre + radius
 
 All numbers are taken exactly. Entries that are not known here are refused.
 
@@ -41,15 +43,15 @@ SHAPES = dict(
     gain_limit:time objective:feasible|shortest_dwell|narrowest decay_rate:time
     observer.form:cooperative|split|coordinates|two_coordinates|auto
     gains.form:cooperative|split|coordinates|two_coordinates
-    flow_lower:n flow_upper:n jump_lower:n jump_upper:n noise_bound:p+ noise_centre:p step_limit:time
+    flow_lower:n flow_upper:n jump_lower:n jump_upper:n noise_bound:p+ noise_centre:p
     disturbance_matrix:nd disturbance_lower:d disturbance_upper:d jump_disturbance_matrix:nj
-    jump_disturbance_lower:j jump_disturbance_upper:j M_cells:znp dwell_borders:y
+    jump_disturbance_lower:j jump_disturbance_upper:j M_cells:znp dwell_borders:y step_limit:time
     """.split()
 )
 # The entries of each block; those with ! must be there.
 BLOCKS = {
-    "design": "format! version! name! kind! problem! gains! claims! guarantees! warnings provenance! "
-    "digest!",
+    "design": "format! version! name! kind! problem! gains! claims! guarantees! warnings "
+    "provenance! digest!",
     "problem": "name! names flow! jump output! observer!",
     "flow": "A! B D d_bounds disturbance! disturbance_matrix input_bound",
     "jump": "G! E H disturbance! disturbance_matrix dwell_time! dwell_jitter! input_bound",

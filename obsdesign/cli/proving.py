@@ -23,6 +23,7 @@ from obsdesign.errors import naming
 from obsdesign.kinds import GIVING_BOUNDS, SEARCHES
 
 if TYPE_CHECKING:
+    from obsdesign.document import Design
     from obsdesign.problem.problem import Problem
     from obsdesign.workflow import Outcome
 
@@ -56,11 +57,17 @@ def check(problem: str, seconds: float | None, as_json: bool) -> int:
 @KIND
 @output_option("design.json", "Design file.")
 @click.option("--allow-undecided", is_flag=True, help="Write a design with undecided claims too.")
+@click.option(
+    "--bundle",
+    type=click.Path(),
+    metavar="FOLDER",
+    help="Write the design, the programs that check it and a README there too.",
+)
 @time_option()
 @AS_JSON
 def design(
-    *, problem: str, kind: str | None, output: str, allow_undecided: bool, seconds: float | None,
-    as_json: bool,
+    *, problem: str, kind: str | None, output: str, allow_undecided: bool, bundle: str | None,
+    seconds: float | None, as_json: bool,
 ) -> int:  # fmt: skip
     """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
     from obsdesign import workflow
@@ -77,6 +84,8 @@ def design(
     written = output if keep and outcome.design else None
     if outcome.design and written:
         outcome.design.save(written)
+        if bundle is not None:
+            _write_bundle(outcome.design, bundle)
     with progress_message("simulating"):
         outcome = with_typical(outcome)
     if as_json:
@@ -160,6 +169,15 @@ def _next_step(problem: Problem, written: str) -> str:
     start = " --initial x1_lo,x1_hi,…" if problem.kind in GIVING_BOUNDS else ""
     claims = "" if is_verbose() else f" · claims: obsdesign --verbose verify {written}"
     return f"written {written}{claims}\nnext: obsdesign run {written} data.csv{start}"
+
+
+def _write_bundle(design: Design, folder: str) -> None:
+    """The design, its checkers and how to run them; what they do not prove is said."""
+    from obsdesign.bundle import write_bundle
+
+    for opinion in write_bundle(design, folder):
+        if opinion.code:
+            warn(f"{folder}: {opinion.program.name}: {' '.join(opinion.lines)}")
 
 
 def _warn_of(kind: str | None, dropped: Sequence[str], outcome: Outcome) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Entries, Matrix, Value
+from lmi.arithmetic.arrays import Array, Entries, Value
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.positive import FORMS, SIDES, prove_copositive
 from lmi.prove.windows_proof import prove_windows
@@ -16,8 +16,9 @@ from lmi.refute.infeasible import prove_no_common
 from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.verdict import Verdict, undecided
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.proposal import Proposal
+from obsdesign.verification.proposal import Proposal, matrix_of, numbers_of
 from obsdesign.verification.second_proof import confirmed
+from obsdesign.verification.tails import proved_tails
 
 _Prover = Callable[[Array, Array, "Dwell", "DwellCertificate", str], Verdict]
 
@@ -55,7 +56,7 @@ class DwellCertificate(Proposal):
     """Stability for all dwell times.
 
     P; or windows and edges; or a vector with its side and form; a witness; no_common_P: dwell
-    times and multipliers.
+    times and multipliers; tails: matrices that fall along the flow.
     """
 
     P: Value = None
@@ -66,6 +67,7 @@ class DwellCertificate(Proposal):
     form: Value = None
     witness: Value = None
     no_common_P: Value = None
+    tails: Value = None
 
     @property
     def has_matrices(self) -> bool:
@@ -85,14 +87,15 @@ def dwell_stability(
 
     certificate: proposed by a finder: {"P": n x n}, {"windows": ..., "edges": ...},
     {"vector": ...}, {"witness": {"thetas": ...}} or {"no_common_P": ...}; it is checked here, or
-    not used. One dwell time alone needs none. Refuted only by a checked witness. paranoid: a
+    not used. One dwell time alone needs none. Refuted only by a checked witness. Of "tails" only
+    those that fall along the flow are in the evidence. paranoid: a
     proof is repeated by the second, independent method.
     """
     low, high = dwell.low, dwell.high
     proposal = DwellCertificate.from_document(certificate)
     attempt = _attempted_proof(F, H, dwell, proposal, paranoid)
     if attempt.outcome == "proved":
-        return attempt
+        return Verdict("proved", {**attempt.evidence, **proved_tails(F, proposal.tails)})
     counter = refute_spectral(F, H, low, high)
     word = _dwell_times(proposal.witness, low, high)
     if counter.outcome != "refuted" and word and steps_within(word, dwell.jitter):
@@ -183,7 +186,7 @@ def _copositive(
 ) -> Verdict:
     """The proof by one vector, for positive systems."""
     side, form = certificate.side, certificate.form
-    vector = _numbers(certificate.vector)
+    vector = numbers_of(certificate.vector)
     if vector is None or side not in SIDES or form not in FORMS:
         return undecided("the certificate is not a vector with its side and form")
     verdict = prove_copositive(F, H, vector, low, high, side=side, form=form)
@@ -201,7 +204,7 @@ def _dwell_times(witness: object, low: float, high: float) -> list[float]:
 def _no_common(F: Array, H: Array, low: float, high: float, certificate: Entries) -> Verdict | None:
     """Undecided, a common P being proved not to exist; None if the certificate shows nothing."""
     thetas = _dwell_times(certificate, low, high)
-    multipliers = _numbers(certificate.get("multipliers")) if thetas else None
+    multipliers = numbers_of(certificate.get("multipliers")) if thetas else None
     if multipliers is None or multipliers.dtype != np.float64:
         return None
     if prove_no_common(F, H, thetas, multipliers).outcome != "proved":
@@ -210,16 +213,3 @@ def _no_common(F: Array, H: Array, low: float, high: float, certificate: Entries
         f"no common P exists for {len(thetas)} of the dwell times (checked dual certificate), "
         "which is not instability"
     )
-
-
-def matrix_of(values: object, n: int) -> Matrix | None:
-    """A matrix of a certificate as floats, (n, n); None if it is not one."""
-    P = _numbers(values)
-    return P if P is not None and P.shape == (n, n) else None
-
-
-def _numbers(values: object) -> Matrix | None:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        return None

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Self
 
-import numpy as np
-
-from lmi.arithmetic.arrays import Array, Entries
+from lmi.arithmetic.arrays import Array, Entries, Matrix, floats
 from lmi.arithmetic.balls import exact
 
 
@@ -29,10 +27,24 @@ def vectors(proposed: Entries, names: tuple[str, ...], n: int) -> tuple[Array, .
     result = []
     for name in names:
         try:
-            value = np.asarray(proposed[name], dtype=np.float64)
+            value = floats(proposed[name])
             result.append(exact(value))
         except (KeyError, TypeError, ValueError, OverflowError):
             return None
         if value.shape != (n,):
             return None
     return tuple(result)
+
+
+def matrix_of(values: object, n: int) -> Matrix | None:
+    """A matrix of a certificate as floats, (n, n); None if it is not one."""
+    P = numbers_of(values)
+    return P if P is not None and P.shape == (n, n) else None
+
+
+def numbers_of(values: object) -> Matrix | None:
+    """Numbers of a certificate as floats, of any shape; None if something else stands there."""
+    try:
+        return floats(values)
+    except (TypeError, ValueError, OverflowError):
+        return None

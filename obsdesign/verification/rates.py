@@ -9,7 +9,8 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, NewEntries
 from lmi.prove.rates import Rates, prove_rates
 from obsdesign.document import Claim
-from obsdesign.verification.dwell import Dwell, DwellCertificate, matrix_of
+from obsdesign.verification.dwell import Dwell, DwellCertificate
+from obsdesign.verification.proposal import matrix_of
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from obsdesign.synthesis.interval.forms import gains_of_form
 from obsdesign.synthesis.interval.goals import mean_width
 from obsdesign.synthesis.interval.sampled_width import propose_spacing
 from obsdesign.synthesis.interval.task import Task
+from obsdesign.synthesis.tails import with_tails
 from obsdesign.synthesis.tube import proved_width, solvers_of_tube
 
 
@@ -65,6 +66,7 @@ def certified(
             certificates = dwell_certificates(
                 system.W, system.N, low, high, **stability_options(problem, budget)
             )
+        certificates = with_tails(certificates, {"dwell_stability": system.W}, system.N)
     if budget.remaining() > 0:
         widths = _widths(problem, gains, system)
         certificates = certificates.joined(widths)

@@ -22,6 +22,7 @@ from obsdesign.synthesis.given_gains import given_gain
 from obsdesign.synthesis.luenberger.driven_plant import GainPair
 from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
 from obsdesign.synthesis.luenberger.schedule import scheduled_candidate
+from obsdesign.synthesis.tails import with_tails
 
 
 def with_jump_gain(
@@ -63,15 +64,19 @@ def _certificates(
 ) -> Certificates:
     """Certificates of stability; with a decay rate, the P of F + rate I serves both claims."""
     plant = problem.plant
+    shifted = F + rate * np.eye(plant.n)
+    late = {"decay_rate": shifted} if rate > 0 else {}
     if plant.jump is None:
-        return Certificates()
+        return with_tails(Certificates(), {"hurwitz": F, **late}, None)
     ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     options = stability_options(problem, budget)
+    flows = {"dwell_stability": F, **late}
     if rate == 0:
-        return dwell_certificates(F, H, *ends, **options)
-    verdict = decide(F + rate * np.eye(plant.n), H, *ends, **options)
+        return with_tails(dwell_certificates(F, H, *ends, **options), flows, H)
+    verdict = decide(shifted, H, *ends, **options)
     shared = Certificates({"dwell_stability": verdict.evidence})
     if not {"P", "windows"} & set(verdict.evidence):
         shared = dwell_certificates(F, H, *ends, **options)
-    return shared.joined(Certificates({"decay_rate": verdict.evidence}, verdict.solvers))
+    decay = Certificates({"decay_rate": verdict.evidence}, verdict.solvers)
+    return with_tails(shared.joined(decay), flows, H)

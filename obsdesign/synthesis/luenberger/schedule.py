@@ -17,9 +17,10 @@ from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.convex_gain import ConvexGain, unmet_constraints
 from obsdesign.synthesis.luenberger.jump_gains import equal_cells, jump_gains
+from obsdesign.synthesis.tails import with_tails
 
 _MOST_CELLS = 16
 
@@ -78,11 +79,13 @@ def scheduled_candidate(
     certificate: NewEntries = {}
     if solution is not None:
         certificate = {"P_cells": [((P + P.T) / 2).tolist() for P in solution.P]}
-    ids = ("dwell_stability", "decay_rate")
+    # what falls along the flow plus the decay rate falls along the flow too
+    plain = Certificates({"dwell_stability": certificate})
+    shared = with_tails(plain, {"dwell_stability": F}, plant.jump.G).evidence["dwell_stability"]
     return Candidate(
         f"{label}, M by {len(cells)} cells of dwell times",
         gains,
-        dict.fromkeys(ids, certificate),
+        {"dwell_stability": shared, "decay_rate": shared},
         searched=True,
         remarks=remarks,
         solvers=() if solution is None else solution.solvers,

@@ -20,8 +20,9 @@ from obsdesign.document import Claim
 from obsdesign.equations.impulsive.formulas import Core, uncorrected_factor
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.dwell import Dwell, dwell_stability, matrix_of
+from obsdesign.verification.dwell import Dwell, dwell_stability
 from obsdesign.verification.impulsive.rate import Bound, in_balls, quadratic_bound
+from obsdesign.verification.proposal import matrix_of
 
 _CASCADE = "linear time-varying cascade: what C does not see follows what it sees"
 _SOURCES = {

@@ -41,6 +41,7 @@ from obsdesign.verification.luenberger.discrete_time import step_claims
 from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
 from obsdesign.verification.luenberger.uncertain import uncertain_claims
 from obsdesign.verification.rates import rates_claim
+from obsdesign.verification.tails import proved_tails
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
 
@@ -56,7 +57,8 @@ def claims(
     """All hypotheses of the design, each with its verdict.
 
     stored: gains as a design file states them; certificates: {"dwell_stability": {"P": n x n},
-    "decay_rate": {"P": n x n}} or windows in place of P; with parameters also "error_bound",
+    "decay_rate": {"P": n x n}} or windows in place of P, and "tails"; with parameters also
+    "error_bound",
     "state_box", "robust_stability" or "robust_instability"; all are checked.
     """
     del budget  # proofs end by their number of boxes
@@ -93,7 +95,7 @@ def _claims(
         *constraint_claims(problem, gains, _stored(gains)),
     ]
     if problem.plant.jump is None:
-        claims += _flow_claims(F, shifted, options.decay_rate)
+        claims += _flow_claims(F, shifted, options.decay_rate, certificates)
         return _with_marked_witnesses(problem, shifted, claims)
     if math.isinf(problem.require_dwell_time()[1]):
         claims.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
@@ -103,11 +105,22 @@ def _claims(
     return _with_marked_witnesses(problem, shifted, claims)
 
 
-def _flow_claims(F: Exact, shifted: Exact, rate: float) -> Iterator[Claim]:
+def _flow_claims(
+    F: Exact, shifted: Exact, rate: float, certificates: EntriesByClaim
+) -> Iterator[Claim]:
     """Claims of an error without jumps; shifted: F + rate I."""
-    yield _hurwitz(F, "hurwitz", "there are no jumps")
+    yield _with_tails(_hurwitz(F, "hurwitz", "there are no jumps"), F, certificates)
     if rate > 0:
-        yield _hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate)
+        claim = _hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate)
+        yield _with_tails(claim, shifted, certificates)
+
+
+def _with_tails(claim: Claim, F: Exact, certificates: EntriesByClaim) -> Claim:
+    """The claim that F is Hurwitz, with those tails of its certificate that show it too."""
+    if claim.verdict != "proved":
+        return claim
+    tails = proved_tails(F, certificates.get(claim.id, {}).get("tails"))
+    return replace(claim, evidence={**claim.evidence, **tails})
 
 
 def _jump_claims(

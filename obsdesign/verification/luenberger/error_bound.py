@@ -20,8 +20,8 @@ from obsdesign.analysis.luenberger.error_bounds import (
     is_tube,
 )
 from obsdesign.document import Claim
-from obsdesign.verification.dwell import Dwell, matrix_of
-from obsdesign.verification.proposal import Proposal, vectors
+from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.proposal import Proposal, matrix_of, vectors
 from obsdesign.verification.rates import shown
 
 ID = "error_bound"

@@ -26,6 +26,8 @@ from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.proposal import numbers_of
+from obsdesign.verification.tails import proved_tails
 
 
 def scheduled_stability(
@@ -54,7 +56,9 @@ def scheduled_stability(
         methods = ("bernstein", "chords") if paranoid else ("bernstein",)
         attempt = _proof(F, errors, matrices, cells, pairs, methods=methods)
         if attempt.outcome == "proved":
-            return Verdict("proved", {"P_cells": certificate["P_cells"], **attempt.evidence})
+            tails = proved_tails(F, certificate.get("tails"))
+            stated = {"P_cells": certificate["P_cells"], **attempt.evidence, **tails}
+            return Verdict("proved", stated)
     low, high = problem.require_dwell_time()
     inner = itertools.pairwise([low, *borders, high])
     for H, (start, end) in zip(errors, inner, strict=True):
@@ -112,10 +116,7 @@ def _proof(
 
 
 def _matrices(values: object, count: int, n: int) -> Matrix | None:
-    try:
-        matrices = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        return None
-    if matrices.shape != (count, n, n) or not np.isfinite(matrices).all():
+    matrices = numbers_of(values)
+    if matrices is None or matrices.shape != (count, n, n) or not np.isfinite(matrices).all():
         return None
     return matrices if np.array_equal(matrices, np.swapaxes(matrices, 1, 2)) else None
