@@ -1,4 +1,4 @@
-"""Matrices that fall along a flow: hints for whoever proves an inequality for all late times."""
+"""Matrices that fall along a flow: hints for proofs for all late times."""
 
 from __future__ import annotations
 
