@@ -64,8 +64,8 @@ def _counted(box: Claim | None) -> str:
     if "before_jump" in box.evidence:
         before = f", {shown(box.evidence['before_jump'])} just before jumps"
     return (
-        f"|x| is proved to come to at most {shown(box.evidence['always'])}{before}; from then on "
-        f"{effects}."
+        f"The proved ultimate bound of |x| is {shown(box.evidence['always'])}{before}; from "
+        f"then on {effects}."
     )
 
 

@@ -61,12 +61,12 @@ def _dwell(plant: Plant) -> Dwell:
 def _statement(plant: Plant) -> str:
     if plant.jump is None:
         return (
-            "as time goes on, |x| comes to at most `always`, for every course of the parameters "
-            "inside their ranges: W v + f < 0 for |x|' <= W |x| + f"
+            "`always` is an ultimate bound of |x|, for every course of the parameters inside their "
+            "ranges: W v + f < 0 for |x|' <= W |x| + f"
         )
     return (
-        "as jumps go on, |x| comes to at most after_jump just after a jump, before_jump just "
-        "before one and always at any time, for every course of the parameters inside their "
+        "ultimate bounds of |x| are after_jump just after a jump, before_jump just before one and "
+        "always at any time, for every course of the parameters inside their "
         f"ranges and dwell times in {_dwell(plant)}: a tube that |x|' <= W |x| + f, |x+| <= N |x| "
         "+ h does not leave and is drawn to"
     )

@@ -1,7 +1,7 @@
-"""What the error of a point observer comes to as time goes on: bounds in balls.
+"""Ultimate bounds of the error of a point observer, in balls.
 
-Without jumps |e_i| comes to at most sum_k int_0^inf |(e^(Fs) E)_ik| ds, which some disturbance
-attains. With jumps, the smaller, entry by entry, of a tube of |e|' <= Mz(F) |e| + |E| 1,
+Without jumps that of |e_i| is sum_k int_0^inf |(e^(Fs) E)_ik| ds, which some disturbance attains.
+With jumps, the smaller, entry by entry, of a tube of |e|' <= Mz(F) |e| + |E| 1,
 |e+| <= |H| |e| + |K| 1, in which signs are lost, and of what a norm that contracts from jump to
 jump gives.
 """
@@ -22,7 +22,7 @@ from obsdesign.analysis.luenberger.driven_error import DrivenError
 
 @dataclass(frozen=True)
 class ErrorBounds:
-    """|e| comes to at most always (n,), and before_jump (n,) just before jumps; exact."""
+    """Of |e|: always (n,), before_jump (n,) just before jumps; exact."""
 
     always: Exact
     before_jump: Exact | None = None

@@ -69,7 +69,7 @@ def width_claim(system: ModeSystem, proposed: Entries) -> tuple[Claim, ...]:
     names = ", ".join(system.gains.names)
     events = ", w+ = |G| w + h at events" if system.events else ""
     statement = (
-        f"the width of the bounds comes to at most entry on entry into each mode ({names}), and "
+        f"ultimate bounds of the width are entry on entry into each mode ({names}), and "
         "always at any time in it: a tube that the width system w' = W w + f, w+ = |G| w at entry"
         f"{events} does not leave and is drawn to"
     )

@@ -181,7 +181,7 @@ class SampledWidth:
         always = shown(self.always)
         if self.after_sample is not None:
             return (
-                f"{in_every_period(skips)}, the width comes to at most "
+                f"{in_every_period(skips)}, the ultimate bound of the width is "
                 f"{shown(self.after_sample)} after samples and {always} at any time."
             )
         assert self.step_limit is not None
@@ -193,7 +193,7 @@ class SampledWidth:
             )
         if math.isinf(self.step_limit):
             apart = "at any spacing, and at jumps if M is not zero,"
-        return f"With samples {apart} the width comes to at most {always} at any time."
+        return f"With samples {apart} the ultimate bound of the width is {always}."
 
 
 def sampled_sentences(claims: tuple[Claim, ...], skips: bool) -> list[tuple[str, list[str]]]:

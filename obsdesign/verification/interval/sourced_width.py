@@ -87,7 +87,7 @@ def _width(
         kept = ("tube", "after_jump", "before_jump", "always", "steps")
         evidence[source] = {key: value for key, value in listed[0].evidence.items() if key in kept}
     statement = (
-        "as time goes on, the width of the bounds comes to at most that of `constant` plus, for "
+        "an ultimate bound of the width is that of `constant` plus, for "
         "each y, u and w, its largest magnitude times that of its name: tubes of (|m|, 2 |x - m|), "
         "of which the second halves are widths; x itself need not be bounded"
     )
@@ -103,7 +103,7 @@ def sourced_sentences(claims: Sequence[Claim], measured: str) -> list[tuple[str,
     terms = [shown(widths[_CONSTANT])]
     terms += [f"{shown(own)} |{source}|" for source, own in widths.items() if source != _CONSTANT]
     sentence = (
-        f"{measured}, the width of the bounds comes to at most {' + '.join(terms)} at any time, "
+        f"{measured}, the ultimate bound of the width is {' + '.join(terms)}, "
         "each magnitude the largest that occurs."
     )
     return [(sentence, [ID])]

@@ -71,7 +71,7 @@ def width_claim(
         rows = [asdict(row) for row in _constant_dwell(system, ends)]
         verdict = Verdict("proved", {**stated, "constant_dwell": rows, **verdict.evidence})
     statement = (
-        "as jumps go on, the width of the bounds comes to at most after_jump just after a jump, "
+        "ultimate bounds of the width are after_jump just after a jump, "
         f"before_jump just before one and always at any time, for dwell times in "
         f"{Dwell(*ends)}: a tube that the width system w' = W w + f, w+ = N w + h does not "
         "leave and is drawn to"
@@ -91,7 +91,7 @@ def limit_claim(system: WidthSystem, proposed: Entries, source: str) -> tuple[Cl
     if holds and all(a >= b for a, b in zip(always, system.out @ v, strict=True)):
         stated = {name: to_float(x).tolist() for name, x in zip(names, bounds, strict=True)}
         verdict = proved(**stated, exact=True)
-    statement = "as time goes on, the width of the bounds comes to at most `always`: W v + f < 0"
+    statement = "`always` is an ultimate bound of the width: W v + f < 0"
     return (Claim.from_verdict("width", statement, f"{source}; tube", verdict),)
 
 
@@ -103,9 +103,9 @@ def width_sentence(claims: tuple[Claim, ...], measured: str) -> list[tuple[str, 
     width = AsymptoticWidth.from_evidence(evidence[0])
     always = shown(width.always)
     if width.after_jump is None or width.before_jump is None:
-        return [(f"{measured}, the width comes to at most {always}.", ["width"])]
+        return [(f"{measured}, the ultimate bound of the width is {always}.", ["width"])]
     sentence = (
-        f"{measured}, the width comes, as jumps go on, to at most "
+        f"{measured}, the ultimate bound of the width is "
         f"{shown(width.after_jump)} after jumps, {shown(width.before_jump)} "
         f"before them and {always} at any time."
     )

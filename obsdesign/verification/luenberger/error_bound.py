@@ -62,11 +62,12 @@ def error_bound_claim(
         verdict = undecided("the certificate proves no bounds, or a part of it is not proved")
     elif _are_above(bounds, proof):
         verdict = proved(**certificate.stated())
-    when, at_jumps = "as time goes on", ""
+    statement = f"`always` is an ultimate bound of |x - x_hat|: {drive}"
     if dwell is not None:
-        when = f"as jumps go on, for every sequence of dwell times in {dwell}"
-        at_jumps = ", and to before_jump just before jumps"
-    statement = f"{when}, |x - x_hat| comes to at most `always`{at_jumps}: {drive}"
+        statement = (
+            f"for every sequence of dwell times in {dwell} ultimate bounds of |x - x_hat| are "
+            f"`always`, and before_jump just before jumps: {drive}"
+        )
     return (Claim.from_verdict(ID, statement, _SOURCE, verdict),)
 
 
@@ -130,7 +131,7 @@ def bound_sentence(
         return []
     always, before = evidence[0]["always"], evidence[0].get("before_jump")
     noise = "" if is_noisy else " without noise"
-    text = f"{measured}{noise}, the estimation error comes to at most {shown(always)}"
+    text = f"{measured}{noise}, the ultimate bound of the estimation error is {shown(always)}"
     if before is not None:
-        text += f" as jumps go on, {shown(before)} just before them"
+        text += f", just before jumps {shown(before)}"
     return [(f"{text}.", [ID])]

@@ -47,7 +47,8 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     widths = [row.width for row in rows]
     if None not in widths:
         above = _shown(widths, ROUND_CEILING)
-        text = f"With {pattern_of(problem.plant)}, the width after a row comes to at most {above}."
+        pattern = pattern_of(problem.plant)
+        text = f"With {pattern}, the ultimate bound of the width after a row is {above}."
         sentences += [(text, ["width"]), (ROUNDED_WIDTHS, ["width"])]
         least = _least_possible(rows)
         sentences += [] if least is None else [(least, ["width", "optimal"])]

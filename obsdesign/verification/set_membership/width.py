@@ -34,8 +34,8 @@ def width_claims(
         always = (2 * tube.max(axis=0)).tolist()
         verdict = proved(tube=tube.tolist(), always=always, method="tube in balls")
     statement = (
-        f"on the nominal pattern, {pattern}, the width after a row comes to at most `always`: a "
-        "tube that the bounds by the stored multipliers do not leave and are drawn to"
+        f"on the nominal pattern, {pattern}, `always` is an ultimate bound of the width after a "
+        "row: a tube that the bounds by the stored multipliers do not leave and are drawn to"
     )
     return (Claim.from_verdict("width", statement, SOURCE, verdict),)
 

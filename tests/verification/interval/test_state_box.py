@@ -55,7 +55,7 @@ def test_the_box_is_proved_from_the_plant_itself() -> None:
     assert verify(outcome.design).verdict == "proved"
     text = outcome.guarantees[0].statement
     assert text.startswith(
-        "Assumed: 7 parameters in their ranges. |x| is proved to come to at most (0.652856, 0.781052)"
+        "Assumed: 7 parameters in their ranges. The proved ultimate bound of |x| is (0.652856, 0.781052)"
     )
     assert all("state_box" in entry.claims for entry in outcome.guarantees if entry.given)
 

@@ -150,7 +150,9 @@ def test_without_noise_no_gain_is_preferred_for_its_speed() -> None:
     del body["output"]["noise_bound"]
     result = outcome(body)
     assert result.result["form"] == "Riccati L"
-    sentence = next(e.statement for e in result.guarantees if "comes to at" in e.statement)
+    sentence = next(
+        e.statement for e in result.guarantees if "ultimate bound of the est" in e.statement
+    )
     assert "continuously without noise" in sentence
     # what states gains or restricts them is heeded
     stated = spring(observer={"kind": "luenberger", "poles": [-2, -3]})
@@ -179,7 +181,9 @@ def test_a_design_verifies_from_its_file_and_no_smaller_bound_does(body: Body) -
     stated = design.to_dict()
     assert verify(stored(stated)).verdict == "proved"
     assumed = next(
-        entry.statement for entry in design.guarantees if "comes to at" in entry.statement
+        entry.statement
+        for entry in design.guarantees
+        if "ultimate bound of the est" in entry.statement
     )
     assert assumed.startswith(
         "Assumed: stiffness in [0.8, 1.2]; x from (-1.2, -3) to (1.2, 3) at every instant, as "
@@ -307,8 +311,10 @@ def test_a_proved_box_serves_where_none_is_stated() -> None:
     body["jump"]["G"] = [[0.5, 0], [0, 0.5]]
     design = designed(body)
     assert verify(stored(design.to_dict())).verdict == "proved"
-    sentence = next(e.statement for e in design.guarantees if "comes to at" in e.statement)
-    assert "|x| is proved to come to at most" in sentence
+    sentence = next(
+        e.statement for e in design.guarantees if "ultimate bound of the est" in e.statement
+    )
+    assert "proved ultimate bound of |x|" in sentence
     changed = design.to_dict()
     evidence_of(changed, "state_box")["always"] = [0.1, 0.1]
     assert verify(stored(changed)).verdict != "proved"

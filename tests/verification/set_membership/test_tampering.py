@@ -142,8 +142,8 @@ def test_trajectories_of_another_shape_are_not_used(entry: str, value: Any) -> N
 
 def test_sentences_are_those_that_follow() -> None:
     def change(body: Any) -> None:
-        (text,) = [g for g in body["guarantees"] if "comes to at most" in g["statement"]]
-        text["statement"] = text["statement"].replace("at most (0.", "at most (0.0")
+        (text,) = [g for g in body["guarantees"] if "ultimate bound" in g["statement"]]
+        text["statement"] = text["statement"].replace("is (0.", "is (0.0")
 
     assert verified(change).verdict == "refuted"
 
