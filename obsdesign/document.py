@@ -10,7 +10,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -69,12 +69,14 @@ class Claim:
 class Guarantee:
     """A sentence that a user may rely on, or that an option requests and is not proved.
 
-    claims: ids of the claims it rests on; given: are all of them proved?
+    claims: ids of the claims it rests on; given: are all of them proved? assumption: what the
+    statement begins with, as others of the design do; "" of one that was read from a file.
     """
 
     statement: str
     claims: tuple[str, ...]
     given: bool = True
+    assumption: str = field(default="", compare=False)
 
     @classmethod
     def from_verdicts(
@@ -88,6 +90,16 @@ class Guarantee:
     def not_proved(cls, statement: str) -> Guarantee:
         """A sentence that rests on no claim and is not given."""
         return cls(statement, (), given=False)
+
+    def under(self, assumption: str) -> Guarantee:
+        """The same guarantee, which begins with an assumption."""
+        statement = f"{assumption} {self.statement}"
+        return replace(self, statement=statement, assumption=assumption)
+
+    @property
+    def conclusion(self) -> str:
+        """The statement without its assumption."""
+        return self.statement.removeprefix(self.assumption).lstrip()
 
     def to_dict(self) -> NewEntries:
         """The guarantee as it stands in a file."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import groupby
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
@@ -44,7 +46,7 @@ def show_summary(outcome: Outcome, name: str) -> None:
     _forms(console, outcome)
     for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
         if not guarantee.given and not guarantee.claims:
-            console.print(f"[yellow]not guaranteed[/]: {escape(guarantee.statement)}")
+            console.print(f"[yellow]not guaranteed[/]: {escape(guarantee.conclusion)}")
 
 
 def show_title(outcome: Outcome, name: str) -> None:
@@ -85,9 +87,13 @@ def show_details(outcome: Outcome) -> None:
         parts = [escape(_claim_text(claim)), *(f"[dim]{escape(line)}[/]" for line in lines)]
         table.add_row(f"[{COLOURS[claim.verdict]}]{claim.verdict}[/]", claim.id, "\n".join(parts))
     console.print(table)
-    for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
-        word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
-        console.print(f"{word}: {escape(guarantee.statement)}")
+    entries = outcome.guarantees if outcome.verdict != "refuted" else ()
+    for assumption, group in groupby(entries, key=attrgetter("assumption")):
+        if assumption:
+            console.print(escape(assumption))
+        for guarantee in group:
+            word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
+            console.print(f"{word}: {escape(guarantee.conclusion)}")
     if (seconds := outcome.result.get("seconds")) is not None:
         console.print(f"[dim]designed in {seconds} s[/]")
 

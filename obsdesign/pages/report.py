@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib.resources import files
+from itertools import groupby
+from operator import attrgetter
 
 import jinja2
 import numpy as np
@@ -17,7 +19,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign import workflow
 from obsdesign.design_file import load_design
-from obsdesign.document import Claim, Design, jsonable
+from obsdesign.document import Claim, Design, Guarantee, jsonable
 from obsdesign.output_files import write_text
 from obsdesign.pages.curves import curve_of
 from obsdesign.pages.estimates import DataSource, design_beside, estimate_of, inline
@@ -92,8 +94,8 @@ def page(
         plant=_plant_words(Problem.from_dict(design.problem)),
         verdict=outcome.verdict,
         verdict_words=_VERDICTS[outcome.verdict].format(seconds),
-        given=[one.statement for one in outcome.guarantees if one.given],
-        withheld=[one.statement for one in outcome.guarantees if not one.given],
+        given=_sentences(entry for entry in outcome.guarantees if entry.given),
+        withheld=_sentences(entry for entry in outcome.guarantees if not entry.given),
         warnings=outcome.warnings,
         estimate=estimate,
         states=state_table(outcome.result.get("states", ())),
@@ -142,6 +144,12 @@ def _plant_words(problem: Problem) -> str:
     if plant.output.period is not None:
         words.append(f"a sample every {plant.output.period:g}")
     return ", ".join(words).replace("1 states", "1 state")
+
+
+def _sentences(entries: Iterable[Guarantee]) -> list[tuple[str, list[str]]]:
+    """Assumptions, each with the sentences that follow under it."""
+    groups = groupby(entries, key=attrgetter("assumption"))
+    return [(assumption, [entry.conclusion for entry in group]) for assumption, group in groups]
 
 
 def _named(what: str, names: Sequence[str]) -> list[str]:

@@ -30,8 +30,7 @@ def under_assumptions(
     text = f"Assumed: {'; '.join(part for part in parts if part)}.{counted}"
     return tuple(
         replace(
-            entry,
-            statement=f"{text} {entry.statement}",
+            entry.under(text),
             claims=(*entry.claims, *added) if entry.claims else (),
             given=entry.given and (box is None or box.verdict == "proved"),
         )

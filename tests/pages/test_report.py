@@ -113,6 +113,8 @@ def test_the_plant_of_a_page_is_that_of_the_design(
     write_report(str(source), str(output))
     text = " ".join(Page(output.read_text("utf-8")).words)
     assert "1 parameter (stiffness)" in text
+    # twice: with the box of the state for the bound of the error, and without it
+    assert text.count("Assumed: stiffness in [0.8, 1.2]") == 2
     assert all(word in text for word in words)
     assert dwell or "system with jumps" not in text
 

@@ -100,21 +100,23 @@ def uncertain_guarantees(
     if _has_uncertain_inputs(problem):  # their effect does not vanish as x does
         vanishing, bounded = "state and known inputs do", "Bounded state, known inputs"
     sentences = [
-        (f"{ranges} Without {free}, the estimation error tends to zero{when}, if {vanishing}.",
+        (f"Without {free}, the estimation error tends to zero{when}, if {vanishing}.",
          nominal),
-        (f"{ranges} {bounded} and bounded {free} leave the estimation error bounded{when}.",
+        (f"{bounded} and bounded {free} leave the estimation error bounded{when}.",
          nominal),
     ]  # fmt: skip
     if ROBUST in verdicts:
         both = [*nominal, ROBUST]
         sentences.append(
-            (f"{ranges} Bounded inputs, {free} leave state and estimation error bounded{when}.",
+            (f"Bounded inputs, {free} leave state and estimation error bounded{when}.",
              both)
         )  # fmt: skip
         if not _is_driven(problem):
-            text = f"{ranges} Without {free}, state and estimation error tend to zero{when}."
+            text = f"Without {free}, state and estimation error tend to zero{when}."
             sentences.insert(0, (text, both))
-    given = tuple(Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences)
+    given = tuple(
+        Guarantee.from_verdicts(text, ids, verdicts).under(ranges) for text, ids in sentences
+    )
     bounds = tuple(
         Guarantee.from_verdicts(text, [*nominal, *ids], verdicts)
         for text, ids in bound_sentence(claims, measured, plant.output.noise_bound is not None)
