@@ -11,7 +11,7 @@ from lmi.arithmetic.balls import exact
 from lmi.parameters import MOST_PARAMETERS, AffineFamily
 from obsdesign.document import jsonable
 from obsdesign.equations.estimation_error import idle_gains
-from obsdesign.equations.uncertain import NormalForm, rounded
+from obsdesign.equations.parameters import NormalForm, rounded
 from obsdesign.errors import InputError
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.plant import Plant

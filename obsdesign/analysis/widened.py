@@ -17,8 +17,7 @@ from lmi.arithmetic.arrays import Array, Matrix, NewEntries, Value
 from obsdesign.analysis.nominal import NominalProblem, nominal_body, nominal_problem
 from obsdesign.document import jsonable
 from obsdesign.equations.interval.splits import absolute_metzler
-from obsdesign.equations.plant import Plant as PlantNumbers
-from obsdesign.equations.uncertain import (
+from obsdesign.equations.parameters import (
     EffectGains,
     KnownSizes,
     NormalForm,
@@ -26,6 +25,7 @@ from obsdesign.equations.uncertain import (
     fractions_of,
     rounded_up,
 )
+from obsdesign.equations.plant import Plant as PlantNumbers
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem

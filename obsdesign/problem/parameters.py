@@ -9,8 +9,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Entries, Matrix, Value
 from obsdesign.entries import bounds, matrix, real, require_shape, shown
+from obsdesign.equations.parameters import nominal_matrices
 from obsdesign.equations.plant import Flow, Jump, Output, Plant
-from obsdesign.equations.uncertain import nominal_matrices
 from obsdesign.errors import InputError
 from obsdesign.problem.blocks import Block, set_fields
 from obsdesign.problem.names import NAME_SCHEMA, check_name

@@ -57,7 +57,7 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
 
         return InputBoundsObserver
     if known.name == "set_membership" and "effects" in gains:
-        from obsdesign.runtime.set_membership.uncertain import UncertainSetMembershipObserver
+        from obsdesign.runtime.set_membership.parameters import UncertainSetMembershipObserver
 
         return UncertainSetMembershipObserver
     return _class_of(known.module("observer"), known.observer)

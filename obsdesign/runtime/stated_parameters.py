@@ -9,7 +9,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Entries, NewEntries, Value
 from obsdesign.document import jsonable, same
 from obsdesign.equations.noise_bounds import noise_box
-from obsdesign.equations.uncertain import fractions_of, rounded
+from obsdesign.equations.parameters import fractions_of, rounded
 
 # matrices that parameters add to, and where the problem states them
 _PLACES = {"A": "flow", "B": "flow", "G": "jump", "E": "jump", "C": "output"}

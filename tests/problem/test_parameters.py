@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from lmi.arithmetic.balls import exact
-from obsdesign.equations.uncertain import NormalForm
+from obsdesign.equations.parameters import NormalForm
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS, TAKING_PARAMETERS
 from obsdesign.problem.problem import Problem

@@ -24,8 +24,8 @@ from obsdesign.equations.estimation_error import (
     jump_error_matrix,
 )
 from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.equations.parameters import MATRICES, Effect, NormalForm, largest_in_box
 from obsdesign.equations.plant import Disturbed
-from obsdesign.equations.uncertain import MATRICES, Effect, NormalForm, largest_in_box
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.plant import Plant

@@ -9,10 +9,10 @@ from typing import Self
 
 from lmi.arithmetic.arrays import Array, NewEntries, Value
 from obsdesign.equations.gains import plant_data
+from obsdesign.equations.parameters import MATRICES, EffectGains
 from obsdesign.equations.plant import Plant
 from obsdesign.equations.shaped_gains import ShapedGains, shaped_entries
 from obsdesign.equations.stored import blocks, matrix, number, word
-from obsdesign.equations.uncertain import MATRICES, EffectGains
 
 # gains on the measured part of effects, of any values
 CORRECTIONS = ("flow_correction", "jump_correction")

@@ -33,7 +33,7 @@ from obsdesign.column_names import numbered
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.splits import completed_split
 from obsdesign.equations.interval.width import Coordinates, WidthSystem
-from obsdesign.equations.uncertain import NormalForm
+from obsdesign.equations.parameters import NormalForm
 
 
 @dataclass(frozen=True)

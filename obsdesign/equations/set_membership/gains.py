@@ -11,11 +11,11 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Matrix, NewEntries, Value
 from obsdesign.equations.clocks import EventGains, SensorGains, clock_data
 from obsdesign.equations.gains import plant_data
+from obsdesign.equations.parameters import EffectGains
 from obsdesign.equations.plant import Flow, Plant
 from obsdesign.equations.set_membership.effects import Factors, factored
 from obsdesign.equations.shaped_gains import ShapedGains, present, shaped_entries
 from obsdesign.equations.stored import blocks, count, matrix, number, word
-from obsdesign.equations.uncertain import EffectGains
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 IRREGULAR = "irregular"

@@ -17,7 +17,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.balancing import BalancedPlant
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.equations.uncertain import NormalForm
+from obsdesign.equations.parameters import NormalForm
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.interval.coordinates import eigenbasis
 from obsdesign.synthesis.interval.descent import best_gains, solvers_of_gains

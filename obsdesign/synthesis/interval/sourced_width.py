@@ -17,7 +17,7 @@ from obsdesign.analysis.interval.requirements import objective_of
 from obsdesign.column_names import numbered
 from obsdesign.equations.interval.gains import CORRECTIONS, IntervalGains
 from obsdesign.equations.interval.sourced_width import sourced_width
-from obsdesign.equations.uncertain import NormalForm
+from obsdesign.equations.parameters import NormalForm
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates

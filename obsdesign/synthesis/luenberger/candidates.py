@@ -42,13 +42,13 @@ from obsdesign.synthesis.luenberger.constrained_flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.discrete_time import step_candidates
 from obsdesign.synthesis.luenberger.error_bound import known_box
 from obsdesign.synthesis.luenberger.gain_candidates import with_jump_gain
+from obsdesign.synthesis.luenberger.parameters import uncertain_candidates
 from obsdesign.synthesis.luenberger.schedule import check_schedule
 from obsdesign.synthesis.luenberger.searched_gains import (
     gain_search,
     is_L_limited,
     searched_candidates,
 )
-from obsdesign.synthesis.luenberger.uncertain import uncertain_candidates
 from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
 from obsdesign.synthesis.time_scale import pace_without_cycles
 

@@ -17,7 +17,7 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.equations.uncertain import largest_in_box
+from obsdesign.equations.parameters import largest_in_box
 from obsdesign.problem.plant import Plant
 from obsdesign.synthesis.estimated_bounds import driven_bounds, settled_bounds
 from obsdesign.synthesis.luenberger.error_bound import KnownBox

@@ -12,8 +12,8 @@ from lmi.decide.stability import decide
 from lmi.solvers import Solvers
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.analysis.nominal import NominalProblem
-from obsdesign.analysis.set_membership.effects import in_stated_box, with_all_noise
 from obsdesign.analysis.set_membership.observable_window import determines_state
+from obsdesign.analysis.set_membership.parameters import in_stated_box, with_all_noise
 from obsdesign.analysis.set_membership.requirements import (
     pattern_of,
     reason_against,

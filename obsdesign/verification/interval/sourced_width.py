@@ -16,7 +16,7 @@ from obsdesign.document import Claim
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.sourced_width import sourced_width
 from obsdesign.equations.interval.width import WidthSystem
-from obsdesign.equations.uncertain import NormalForm
+from obsdesign.equations.parameters import NormalForm
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability, source_of
 from obsdesign.verification.interval.width import limit_claim, width_claim

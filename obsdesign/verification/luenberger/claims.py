@@ -38,8 +38,8 @@ from obsdesign.verification.gain_constraints import (
     witness_within_structure,
 )
 from obsdesign.verification.luenberger.discrete_time import step_claims
+from obsdesign.verification.luenberger.parameters import uncertain_claims
 from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
-from obsdesign.verification.luenberger.uncertain import uncertain_claims
 from obsdesign.verification.rates import rates_claim
 from obsdesign.verification.tails import proved_tails
 

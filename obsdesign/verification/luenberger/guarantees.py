@@ -11,7 +11,7 @@ from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.gain_constraints import IDS, constraint_sentences
 from obsdesign.verification.luenberger import error_bound
 from obsdesign.verification.luenberger.discrete_time import step_guarantees
-from obsdesign.verification.luenberger.uncertain import uncertain_guarantees, uncertain_warnings
+from obsdesign.verification.luenberger.parameters import uncertain_guarantees, uncertain_warnings
 from obsdesign.verification.rates import rates_sentence
 from obsdesign.verification.state_widths import StateWidths, errors_of_claim
 

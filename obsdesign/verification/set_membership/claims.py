@@ -10,7 +10,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import undecided
-from obsdesign.analysis.set_membership.effects import in_stated_box, with_all_noise
+from obsdesign.analysis.set_membership.parameters import in_stated_box, with_all_noise
 from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains, plant_entries

@@ -17,7 +17,7 @@ from obsdesign.document import Claim
 from obsdesign.equations.interval.certain_bounds import without_effects
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.sourced_width import SourcedWidth, sourced_width
-from obsdesign.equations.uncertain import NormalForm
+from obsdesign.equations.parameters import NormalForm
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design

@@ -24,7 +24,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.equations.interval.certain_bounds import without_state_bounds
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.sourced_width import SourcedWidth, sourced_width
-from obsdesign.equations.uncertain import NormalForm
+from obsdesign.equations.parameters import NormalForm
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.interval.candidates import synthesize

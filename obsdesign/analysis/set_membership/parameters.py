@@ -11,15 +11,15 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import TINY
 from obsdesign.analysis.nominal import NominalProblem, nominal_problem
 from obsdesign.analysis.widened import StateBounds, widened
-from obsdesign.equations.set_membership.effects import Factors
-from obsdesign.equations.set_membership.gains import SetMembershipGains
-from obsdesign.equations.uncertain import (
+from obsdesign.equations.parameters import (
     EffectGains,
     NormalForm,
     fractions_of,
     largest_in_box,
     rounded_up,
 )
+from obsdesign.equations.set_membership.effects import Factors
+from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 
