@@ -165,3 +165,21 @@ def test_taylor_remainders_bound_what_they_stand_for() -> None:
     exact = p * exact_exponential([[2 * f * h]])[0][0]
     assert exact - series <= check.remainder_factor(h, mu, c) * p
     assert check.remainder_factor(h, mu, c) < 5 * (exact - series)
+
+
+def test_each_bernstein_coefficient_counts() -> None:
+    """Polynomials whose coefficients are all below 1 but one: only that one decides."""
+    d, h, one = check.DEGREE, Fraction(3, 4), check.ball([[Fraction(1)]])
+    inequality = check.Decrease(check.Flow(check.ball([[Fraction(0)]])), one, [one], [])
+    for i in range(d + 1):
+        for top, holds_there in ((Fraction(9, 10), True), (Fraction(11, 10), False)):
+            b = [top if j == i else Fraction(1, 2) for j in range(d + 1)]
+            forms = []
+            for k in range(d + 1):
+                a = math.comb(d, k) * sum(
+                    (-1) ** (k - j) * math.comb(k, j) * b[j] for j in range(k + 1)
+                )
+                forms.append(check.ball([[a * math.factorial(k) / h**k]]))
+            for remainder, expected in ((Fraction(0), holds_there), (Fraction(1, 2), False)):
+                box = inequality.is_box(forms, check.ball([[remainder]]), h)
+                assert box == expected, (i, top)
