@@ -143,15 +143,22 @@ def proved_width(system: ClockSystem, proposed: Entries) -> Verdict:
 
 
 def _width_without(system: ClockSystem, proposed: Entries) -> Verdict:
-    """The same of fewer sensors, where the certificate names some that it does "without"."""
-    names = proposed.get("without", ())
-    without = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
-    sensors = system.gains.sensors
-    left_out = tuple(k for k, sensor in enumerate(sensors) if sensor.name in without)
-    if not left_out or not system.never_widens:
+    """The same of fewer sensors, where the certificate names some that it does "without".
+
+    These may only be sensors on clocks of their own that never widen: the rest of the proof counts
+    on the others, at their events.
+    """
+    if "without" not in proposed:
         return proved_width(system, proposed)
-    verdict = proved_width(replace(system, left_out=left_out), proposed)
-    return Verdict(verdict.outcome, {**verdict.evidence, "without": without})
+    names = proposed["without"]
+    places = {system.gains.sensors[k].name: k for k in system.counted if system.never_widens}
+    listed = names if isinstance(names, list) else []
+    left_out = [places[x] for x in listed if isinstance(x, str) and x in places]
+    if not left_out or len(left_out) < len(listed) or len(set(left_out)) < len(left_out):
+        known = ", ".join(places) or "none"
+        return undecided(f"without must list sensors that a proof may leave out, once: {known}")
+    verdict = proved_width(replace(system, left_out=tuple(left_out)), proposed)
+    return Verdict(verdict.outcome, {**verdict.evidence, "without": names})
 
 
 def _tube(

@@ -66,16 +66,45 @@ def test_bounds_that_run_are_within_it(shaft: Design) -> None:
     assert (widest > 0.4 * always).any()
 
 
-@pytest.mark.parametrize("without", [["angle"], ["angle", "gyro"], [], ["dial"], "gyro", [3], 7])
-def test_a_certificate_that_leaves_out_others_is_not_believed(shaft: Design, without: Any) -> None:
+def with_names(design: Design, without: Any) -> Design:
+    """The design with other names in the evidence of its width, and nothing else changed."""
     claims = tuple(
         replace(claim, evidence={**claim.evidence, "without": without})
         if claim.id == "event_width"
         else claim
-        for claim in shaft.claims
+        for claim in design.claims
     )
-    verdicts = {c.id: c.verdict for c in obsdesign.verify(replace(shaft, claims=claims)).claims}
-    assert verdicts["event_width"] != "proved"
+    return replace(design, claims=claims)
+
+
+def verdict_on_width(design: Design) -> str:
+    claims = obsdesign.verify(design).claims
+    return next(claim.verdict for claim in claims if claim.id == "event_width")
+
+
+@pytest.mark.parametrize(
+    "without",
+    [["angle"], ["angle", "gyro"], [], ["dial"], "gyro", [3], 7, ["gyro", "gyro"],
+     ["gyro", "tick"], ["gyro", "dial"], ["gyro", 3]],
+)  # fmt: skip
+def test_a_certificate_that_leaves_out_others_is_not_believed(shaft: Design, without: Any) -> None:
+    assert verdict_on_width(with_names(shaft, without)) != "proved"
+
+
+def test_a_sensor_that_is_read_at_events_is_not_left_out() -> None:
+    """The proof counts on it; the twin leaves out what it may."""
+    body = copy.deepcopy(SHAFT)
+    body["flow"] = {
+        "A": [[-1, 1, 0], [-0.5, -4, 0], [0, 0, 0]],
+        "disturbance": {"lower": [0, -0.3, -0.05], "upper": [0, 0.3, 0.05]},
+    }
+    for sensor in body["sensor"]:
+        sensor["C"] = [[*sensor["C"][0], 0]]
+    body["sensor"].append({"name": "probe", "C": [[0, 0, 1]], "noise_bound": 0.01, "at": "tick"})
+    design = obsdesign.design(Problem.from_dict(body))
+    names = width_of(design)["without"]
+    assert verdict_on_width(with_names(design, names)) == "proved"
+    assert verdict_on_width(with_names(design, [*names, "probe"])) != "proved"
 
 
 def test_a_sensor_that_sends_on_change_is_never_left_out() -> None:
