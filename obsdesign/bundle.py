@@ -8,18 +8,20 @@ from pathlib import Path
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.output_files import write_text
-from obsdesign.verification.second_opinion import PROGRAMS, Answer, answers
+from obsdesign.verification.second_opinion import Answer, answers
 
-_COMMAND = "python3 -I -S check_design.py design.json && python3 -I -S check_gains.py design.json"
+_PURPOSE = {
+    "check_design.py": "proves from design.json alone that the error of the observer tends to zero",
+    "check_gains.py": "compares the gains with the problem in the same file",
+    "check_uncertain.py": "proves that the plant is stable for all its parameters",
+}
 _README = """\
 {name}: observer of kind {kind}
 
-design.json       problem, gains, claims with their certificates
-check_design.py   proves from design.json alone that the error of the observer tends to zero
-check_gains.py    compares the gains with the problem in the same file
+{files}
 
-Both programs need Python 3.8 or later and its standard library, nothing else, and are meant to be
-read before they are trusted: about 500 and 230 lines of code, with the inequality of each step.
+These programs need Python 3.8 or later and its standard library, nothing else, and are meant to be
+read before they are trusted: at most 500 lines of code each, with the inequality of each step.
 
     {command}
 
@@ -35,23 +37,33 @@ digest of design.json: {digest}
 
 
 def write_bundle(design: Design, folder: str | os.PathLike[str]) -> tuple[Answer, ...]:
-    """Write design, programs and README.txt into a folder; return what the programs answer.
+    """Write a design, the programs that read it and README.txt; return what these answer.
 
-    The folder is made where there is none. InputError where it cannot be written.
+    All programs where none reads it. The folder is made where there is none. InputError where it
+    cannot be written.
     """
     path = Path(folder)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}.") from None
+    every = answers(design)
+    opinions = tuple(opinion for opinion in every if opinion.code != 2) or every
     design.save(path / "design.json")
-    for program in PROGRAMS:
-        write_text(path / program.name, program.read_text("utf-8"))
-    opinions = answers(design)
-    lines = [f"    {line}" for opinion in opinions for line in opinion.lines]
-    text = _README.format(
-        name=design.name, kind=design.kind, command=_COMMAND, answers="\n".join(lines),
-        digest=design.digest,
-    )  # fmt: skip
-    write_text(path / "README.txt", text)
+    for opinion in opinions:
+        write_text(path / opinion.program.name, opinion.program.read_text("utf-8"))
+    write_text(path / "README.txt", _readme(design, opinions))
     return opinions
+
+
+def _readme(design: Design, opinions: tuple[Answer, ...]) -> str:
+    names = [opinion.program.name for opinion in opinions]
+    purpose = {"design.json": "problem, gains, claims with their certificates"} | _PURPOSE
+    return _README.format(
+        name=design.name,
+        kind=design.kind,
+        files="\n".join(f"{name:20}{purpose[name]}" for name in ("design.json", *names)),
+        command=" && ".join(f"python3 -I -S {name} design.json" for name in names),
+        answers="\n".join(f"    {line}" for opinion in opinions for line in opinion.lines),
+        digest=design.digest,
+    )

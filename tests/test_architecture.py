@@ -227,6 +227,7 @@ ANY = {
     "obsdesign": "names that are imported when they are first used",
     "obsdesign.checker.check_design": "JSON of a design, read by what needs nothing else",
     "obsdesign.checker.check_gains": "the same",
+    "obsdesign.checker.check_uncertain": "the same",
     "obsdesign.equations.stored": "declarations of fields",
     "obsdesign.input_files": "what json reads, where numpy is not loaded",
     "obsdesign.interop.export": "models of python-control",

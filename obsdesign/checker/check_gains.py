@@ -153,6 +153,23 @@ def block(value: Table, place: str, names: str, sizes: Dict[str, int]) -> Table:
     return result
 
 
+def check_sizes(value: Any) -> None:
+    """Difference unless all numbers inside an entry of a problem are 0 or at least 1e-150."""
+    if isinstance(value, (list, dict)):
+        for entry in value.values() if isinstance(value, dict) else value:
+            check_sizes(entry)
+    elif type(value) in (int, float):
+        demand(value == 0 or abs(value) >= 1e-150, "a number of the problem is below 1e-150")
+
+
+def check_lists(value: Any, is_entry: bool = False) -> None:
+    """Difference where a list of a certificate, or one inside of it, holds true or false."""
+    demand(not is_entry or not isinstance(value, bool), "a list holds true or false")
+    if isinstance(value, (list, dict)):
+        for entry in value.values() if isinstance(value, dict) else value:
+            check_lists(entry, isinstance(value, list))
+
+
 def keys_once(items: List[Tuple[str, Any]]) -> Table:
     """A table of the file, whose keys must differ."""
     demand(len(dict(items)) == len(items), "a key stands twice in a table")
@@ -173,6 +190,8 @@ class Design:
         is_design = body["format"] == "obsdesign/design" and repr(body["version"]) == "1"
         demand(is_design and body["kind"] in ("interval", "luenberger"), "no design of these kinds")
         self.kind = body["kind"]
+        check_sizes(body["problem"])
+        check_lists([claim["evidence"] for claim in body["claims"]])
         problem = block(body["problem"], "problem", BLOCKS["problem"], sizes)
         is_named = type(body["name"]) is str and body["name"] == problem["name"]
         demand(is_named, "the design and its problem have different names")

@@ -16,7 +16,8 @@ from lmi.verdict import proved, undecided
 from obsdesign.document import Claim, Design
 
 PROGRAMS = tuple(
-    Path(__file__).parents[1] / "checker" / name for name in ("check_design.py", "check_gains.py")
+    Path(__file__).parents[1] / "checker" / name
+    for name in ("check_design.py", "check_gains.py", "check_uncertain.py")
 )
 _STABILITY = ("dwell_stability", "decay_rate", "hurwitz")
 
@@ -31,7 +32,7 @@ class Answer:
 
 
 def answers(design: Design) -> tuple[Answer, ...]:
-    """Answers of both programs, each run without site packages and without the environment."""
+    """Answers of all programs, each run without site packages and without the environment."""
     text = json.dumps(design.to_dict(), allow_nan=False)
     result = []
     for program in PROGRAMS:
@@ -44,16 +45,14 @@ def answers(design: Design) -> tuple[Answer, ...]:
 
 
 def checker_claims(design: Design) -> tuple[Claim, ...]:
-    """The claim that both programs prove their part; none where they do not read the design.
+    """The claim that the programs which read the design prove their part; none if none reads it.
 
     Nor is there one about a design of an earlier release, without the tails that they need.
     """
     if _lacks_tails(design):
         return ()
-    opinions = answers(design)
-    if any(opinion.code == 2 for opinion in opinions):
-        return ()
-    return (_claim(opinions),)
+    opinions = [opinion for opinion in answers(design) if opinion.code != 2]
+    return (_claim(opinions),) if opinions else ()
 
 
 def _claim(opinions: Sequence[Answer]) -> Claim:
@@ -65,8 +64,7 @@ def _claim(opinions: Sequence[Answer]) -> Claim:
         verdict = undecided(f"{failed.program.name} does not confirm it: {reason}")
     return Claim.from_verdict(
         "checker",
-        "stability is proved again, and the gains are those of the problem, by programs that "
-        "share no code with obsdesign",
+        "what the evidence lists is proved again by programs that share no code with obsdesign",
         "obsdesign/checker",
         verdict,
     )

@@ -184,6 +184,8 @@ INCONSISTENT: list[tuple[str, Change]] = [
     ("cooperative", set_in("problem/observer/form", "split")),
     ("cooperative", set_in("problem/observer/unknown", 1.0)),
     ("cooperative", both("jump/dwell_jitter", -1.0)),
+    ("cooperative", both("jump/G/0/0", 5e-324)),
+    ("cooperative", certificate("dwell_time", [True, "inf"])),
     ("cooperative", set_in("gains/dwell_time", [0.8, "inf"])),
     ("cooperative", set_in("gains/unknown", 1.0)),
     ("cooperative", set_in("problem/jump/H", [[1.0], [0.0]])),

@@ -1,7 +1,7 @@
 """The programs of `obsdesign/checker` against `verify`: designs, mutants, mutants of their source.
 
 python -m tests.long.checker designs FOLDER [COUNT]    make and keep designs; who accepts them, how fast
-python -m tests.long.checker mutants FOLDER [COUNT]    changed designs, signed again: who accepts them
+python -m tests.long.checker mutants FOLDER [COUNT] [SEED]   changed designs, signed again: who accepts
 python -m tests.long.checker source [COUNT]            one operator or number of the checker changed
 
 A mutant is falsely accepted if both programs accept it, and `verify` does not prove a claim of
@@ -87,14 +87,15 @@ def accepts(document: dict[str, Any]) -> bool:
     return not (exit_code(document, check_design) or exit_code(document, check_gains))
 
 
-def is_proved(document: dict[str, Any]) -> bool:
-    """Does `verify` read it, and prove the claims that the programs are about?"""
+def verified(document: dict[str, Any]) -> tuple[bool, bool]:
+    """Does `verify` read it and prove the claims that the programs are about; and all of it?"""
     try:
         outcome = obsdesign.verify(from_dict(document))
     except InputError:
-        return False
+        return False, False
     claims = [claim for claim in outcome.claims if claim.id in SCOPE]
-    return bool(claims) and all(claim.verdict == "proved" for claim in claims)
+    is_proved = bool(claims) and all(claim.verdict == "proved" for claim in claims)
+    return is_proved, outcome.verdict == "proved"
 
 
 def make_designs(folder: Path, count: int) -> None:
@@ -118,7 +119,7 @@ def make_designs(folder: Path, count: int) -> None:
             tally["out of scope"] += 1
             continue
         start = time.perf_counter()
-        assert is_proved(document)
+        assert all(verified(document))
         rows.setdefault(problem.plant.n, []).append((own, time.perf_counter() - start))
         code = max(code, exit_code(document, check_gains))
         tally["accepted" if code == 0 else "not accepted"] += 1
@@ -212,15 +213,16 @@ def changes_of(value: Any, rng: np.random.Generator) -> list[Any]:
     return words
 
 
-def compare_mutants(folder: Path, count: int) -> None:
+def compare_mutants(folder: Path, count: int, seed: int) -> None:
     """Print who accepts mutants of the designs in a folder."""
-    rng = np.random.default_rng(25)
+    rng = np.random.default_rng(seed)
     documents = [json.loads(path.read_text("utf-8")) for path in sorted(folder.glob("*.json"))]
     quick = [document for document in documents if len(json.dumps(document)) < 60_000]
     tally: Counter[tuple[bool, bool]] = Counter()
     for k in range(count):
         document, text = mutated(quick[k % len(quick)], rng)
-        own, other = accepts(document), is_proved(document)
+        own, (theirs, whole) = accepts(document), verified(document)
+        other = theirs if own else whole  # what `verify` says of the rest of the file is not theirs
         tally[own, other] += 1
         if own != other:
             print(f"{'checker' if own else 'verify'} only: {document['name']}: {text}", flush=True)
@@ -289,7 +291,8 @@ def main() -> None:
     if what == "designs":
         make_designs(Path(words[0]), int(words[1]) if len(words) > 1 else 200)
     elif what == "mutants":
-        compare_mutants(Path(words[0]), int(words[1]) if len(words) > 1 else 10_000)
+        count, seed = [*map(int, words[1:]), *(10_000, 25)[len(words) - 1 :]]
+        compare_mutants(Path(words[0]), count, seed)
     else:
         mutate_source(int(words[0]) if words else 10_000)
 
