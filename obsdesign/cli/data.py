@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 @click.option(
     "--step", type=NUMBER, help="Time between rows.  [default: the period, or about until/500]"
 )
+@click.option("--data", "stated", type=click.Path(),
+              help="Take times, events, inputs and missing samples from this file.")  # fmt: skip
+@RENAME
 @click.option("--initial", help="True initial state x1,...,xn.  [default: ones; middle of [state]]")
 @click.option("--dwell", default="random", show_default=True,
               shell_complete=one_of("shortest", "random"),
@@ -53,20 +56,25 @@ if TYPE_CHECKING:
 @output_option("data.csv", "Data file.")
 def simulate(
     *, source: str, output: str, events: str | None, seed: int, until: float | None,
-    step: float | None, initial: str | None, dwell: str, disturbance: str, parameters: str,
+    step: float | None, stated: str | None, titles: Mapping[str, str], initial: str | None,
+    dwell: str, disturbance: str, parameters: str,
 ) -> int:  # fmt: skip
     """Simulate the plant of a problem or design exactly, with its true state."""
     import numpy as np
 
     from obsdesign.data.csv_text import table_text
     from obsdesign.data.simulation import simulate as run_simulation
+    from obsdesign.data.simulation.stated_rows import StatedRows
     from obsdesign.output_files import refuse_overwriting, write_text
 
-    refuse_overwriting(output, source)
-    refuse_overwriting(events, source)
+    refuse_overwriting(output, source, stated)
+    refuse_overwriting(events, source, stated)
     if events is not None and events == output:
         raise InputError(f"--events: {events} is the data file; give another name.")
+    if stated is not None and (until, step, dwell) != (None, None, "random"):
+        raise InputError("--data takes no --until, --step or --dwell: the file has all rows.")
     problem = source_of(source)
+    rows = None if stated is None else StatedRows.from_file(stated, problem, titles)
     start = None if initial is None else numbers(initial, "--initial")
     times = dwell if dwell in ("shortest", "random") else dwell_times(dwell)
     # impulses of unknown weight are announced to the kinds that cannot find them
@@ -75,7 +83,7 @@ def simulate(
     record = run_simulation(
         problem.plant, until=until, step=step, initial=start, dwell=times,
         disturbance=disturbance, rng=rng, announced=announced,
-        parameters=values_by_name(parameters) if "=" in parameters else parameters,
+        parameters=values_by_name(parameters) if "=" in parameters else parameters, rows=rows,
     )  # fmt: skip
     _warn_outside_box(problem.plant, record)
     write_text(output, table_text(record.columns))

@@ -44,7 +44,7 @@ class Instants:
 
     modes: changes of mode, which are rows too; None without modes. received: when each row
     arrives, None where all do at their time. true_times (rows, events): when events of a row really
-    happen, at its time where their stamps are exact.
+    happen, at its time where their stamps are exact. start: when the state is the initial one.
     """
 
     times: Matrix
@@ -53,6 +53,7 @@ class Instants:
     modes: ModeTimes | None = None
     received: Matrix | None = None
     true_times: Matrix | None = None
+    start: float = 0.0
 
     def exact_events(self) -> NDArray[np.bool_]:
         """Events that happen at their rows, (rows, events)."""

@@ -80,6 +80,14 @@ class Signals:
         generator = _generator(self.plant.flow, self.flow, d)
         return replace(self, u=other.u, unknown_input=d, generator=generator)
 
+    def with_unknown_input(self, d: Matrix) -> Signals:
+        """These signals with an unknown input that is held from row to row, (rows, q)."""
+        still = np.zeros(d.shape[1])
+        held = Bounded(d, still, still, still)
+        return replace(
+            self, unknown_input=held, generator=_generator(self.plant.flow, self.flow, held)
+        )
+
     def of_plant(self, plant: Plant) -> Signals:
         """The same signals, of a plant with other matrices of the same sizes."""
         generator = _generator(plant.flow, self.flow, self.unknown_input)

@@ -33,6 +33,7 @@ from obsdesign.data.simulation.rows import (
     true_times,
 )
 from obsdesign.data.simulation.signals import DISTURBANCES, Signals, signals
+from obsdesign.data.simulation.stated_rows import StatedRows
 from obsdesign.entries import positive
 from obsdesign.equations.time_grid import rounded_steps
 from obsdesign.errors import InputError
@@ -81,6 +82,7 @@ def simulate(
     rng: np.random.Generator | None = None,
     announced: bool = False,
     parameters: str | Mapping[str, float] = "random",
+    rows: StatedRows | None = None,
 ) -> Simulation:
     """Simulate a plant from t = 0, by matrix exponentials from row to row: exact up to rounding.
 
@@ -93,6 +95,7 @@ def simulate(
     or `sine`. rng: a numpy Generator (default: seed 0). announced: the record has the times of
     impulses of unknown weight too, which every kind but `impulsive_input` needs. parameters: their
     course, constant between rows: `nominal`, `random`, `extreme`, `bang-bang`, or values by name.
+    rows: those of a file, in place of until, step and dwell; initial is the state at the first.
 
     InputError for options that do not fit the plant, and where the state overflows.
     """
@@ -102,10 +105,14 @@ def simulate(
         )
     rng = np.random.default_rng(0) if rng is None else rng
     x, uncertain, plant = _initial(plant, initial), plant, nominal_plant(plant)
-    until = default_until(plant, dwell) if until is None else positive(until, "until")
-    step = None if step is None else positive(step, "step")
-    instants = instants_of(plant, dwell, until, step, rng)
+    if rows is None:
+        until = default_until(plant, dwell) if until is None else positive(until, "until")
+        step = None if step is None else positive(step, "step")
+        instants = instants_of(plant, dwell, until, step, rng)
+    else:
+        instants = rows.instants
     source = signals(plant, disturbance, len(instants.times), rng)
+    source = source if rows is None else rows.signals(source)
     sources = _of_modes(source, disturbance, instants, rng)
     with np.errstate(over="ignore", invalid="ignore"):
         received, happened = arrival_times(plant, instants, rng), true_times(plant, instants, rng)
@@ -165,7 +172,7 @@ def _trajectory(
     after = plant.sees_after
     truth, outputs, events = [], [], []
     maps = defaultdict[int, dict[float, Matrix]](dict)
-    now, pending = 0.0, instants.uncertain_events()
+    now, pending = instants.start, instants.uncertain_events()
     at_rows = instants.exact_events()
     leading, following = _modes_at_rows(instants)
     senders, times = ChangeSenders.from_plant(plant), instants.times.tolist()
