@@ -81,9 +81,9 @@ def _events(columns: _Columns, plant: Plant, path: str) -> tuple[NDArray[np.bool
     if not plant.events:
         return np.zeros((rows, 0), bool), None
     if not plant.has_tables:
-        happens = _required(columns, (JUMP,), path)
+        jumps = _required(columns, (JUMP,), path)
         w = _optional(columns, numbered("w", plant.events[0].inputs), path)
-        return np.asarray(np.nan_to_num(happens) != 0), None if w is None else np.nan_to_num(w)
+        return np.asarray(np.nan_to_num(jumps) != 0), None if w is None else np.nan_to_num(w)
     own = [_required(columns, event.columns, path) for event in plant.events]
     happens = np.column_stack([np.isfinite(values).any(axis=1) for values in own])
     inputs = [values for event, values in zip(plant.events, own, strict=True) if event.inputs]
