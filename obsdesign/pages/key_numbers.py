@@ -38,8 +38,8 @@ def _number(value: object) -> str:
 
 # columns of the table of states: entry of a row, title
 _COLUMNS = {
-    "strip": "sensor strip", "width": "guaranteed width", "error": "guaranteed error",
-    "typical": "typical", "best": "best possible",
+    "strip": "sensor strip", "width": "guaranteed", "error": "guaranteed", "typical": "typical",
+    "best": "best possible",
 }  # fmt: skip
 _MOST_STATES = 12
 # a width above so many sensor strips is more than rounding
@@ -53,9 +53,8 @@ def state_table(rows: Sequence[Entries]) -> list[list[str]]:
     """
     shown = {key: title for key, title in _COLUMNS.items()
              if any(row.get(key) is not None for row in rows)}  # fmt: skip
-    if not any(row["width"] is not None for row in rows) and "typical" in shown:
-        shown["typical"] = "typical error" if "strip" not in shown else "typical width"
-    table = [["state", *shown.values(), ""]]
+    is_of_widths = any(row[key] is not None for row in rows for key in ("strip", "width"))
+    table = [["width of" if is_of_widths else "error of", *shown.values(), ""]]
     for row in rows[:_MOST_STATES]:
         unit = "" if row["unit"] is None else f" [{row['unit']}]"
         numbers = ("–" if row.get(key) is None else f"{row[key]:.3g}" for key in shown)
@@ -69,4 +68,4 @@ def _remark(row: Entries) -> str:
     """A remark on a state whose bounds are guaranteed wider than one sample alone leaves them."""
     strip, width = row["strip"], row["width"]
     is_wider = strip is not None and width is not None and width > _WIDER * strip
-    return "> sensor strip" if is_wider else ""
+    return "> strip" if is_wider else ""

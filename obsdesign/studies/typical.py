@@ -10,6 +10,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.memory import OversizeError
 from obsdesign.document import Design
 from obsdesign.errors import InputError
+from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import estimates_on, late_rows
@@ -38,7 +39,7 @@ def typical_values(design: Design) -> list[float | None]:
         estimates = estimates_on(design, record, start)
     except (InputError, OversizeError):
         return unknown
-    if estimates[0].lower is not None:
+    if design.kind in GIVING_BOUNDS:
         low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
         values = high - low
     elif len(record.x) == len(estimates):
