@@ -99,7 +99,15 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
         return widths_of_claim(problem, claims, "late_width")
     if problem.plant.needs_clock_gains:
         return widths_of_claim(problem, claims, "event_width")
-    return widths_of_claim(problem, claims, "sampled_stability", "sampled_width", "width")
+    rows = widths_of_claim(problem, claims, "sampled_stability", "sampled_width", "width")
+    box = problem.plant.state
+    if not problem.plant.parameters or box is None:
+        return rows
+    sizes = (box.upper - box.lower).tolist()  # bounds are cut with the stated box
+    return tuple(
+        row if row.width is None else replace(row, width=min(row.width, size))
+        for row, size in zip(rows, sizes, strict=True)
+    )
 
 
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:
