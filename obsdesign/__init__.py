@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 from obsdesign.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from obsdesign.data.simulation import simulate
     from obsdesign.design_file import load_design
     from obsdesign.document import Claim, Design
     from obsdesign.errors import InputError
+    from obsdesign.notebook import check, compare, plot, report, run, search, simulate, sweep
     from obsdesign.problem.flow import Flow
     from obsdesign.problem.output import Output
     from obsdesign.problem.plant import Jump, Plant
@@ -35,11 +35,18 @@ _HOME = {
     "Output": "problem.output",
     "Plant": "problem.plant",
     "Problem": "problem.problem",
+    "check": "notebook",
+    "compare": "notebook",
     "design": "workflow",
     "investigate": "workflow",
     "load_design": "design_file",
     "load_problem": "problem.problem",
-    "simulate": "data.simulation",
+    "plot": "notebook",
+    "report": "notebook",
+    "run": "notebook",
+    "search": "notebook",
+    "simulate": "notebook",
+    "sweep": "notebook",
     "verify": "workflow",
 }
 
@@ -54,11 +61,18 @@ __all__ = [
     "Output",
     "Plant",
     "Problem",
+    "check",
+    "compare",
     "design",
     "investigate",
     "load_design",
     "load_problem",
+    "plot",
+    "report",
+    "run",
+    "search",
     "simulate",
+    "sweep",
     "verify",
 ]
 

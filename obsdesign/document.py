@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from obsdesign.html_table import html_table
 from obsdesign.output_files import write_text
 
 FORMAT = "obsdesign/design"
@@ -124,6 +125,14 @@ class Design:
     guarantees: tuple[Guarantee, ...]
     warnings: tuple[str, ...] | None
     provenance: Entries
+
+    def __repr__(self) -> str:
+        proved = sum(claim.verdict == "proved" for claim in self.claims)
+        return f"Design({self.name!r}, {self.kind}, {proved} of {len(self.claims)} claims proved)"
+
+    def _repr_html_(self) -> str:
+        rows = [(claim.id, claim.verdict, claim.statement) for claim in self.claims]
+        return html_table((f"{self.name} · {self.kind}", "verdict", "claim"), rows)
 
     @property
     def digest(self) -> str:

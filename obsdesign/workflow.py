@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import TypeVar
 
 from lmi.arithmetic.arrays import Entries
@@ -14,6 +15,7 @@ from lmi.verdict import overall
 from obsdesign.candidate_choice import answers_of_forms, best_candidate, tried_candidates
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError, naming
+from obsdesign.html_table import html_table
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.kind import Constraints
@@ -44,6 +46,16 @@ class Outcome:
     guarantees: tuple[Guarantee, ...] = ()
     warnings: tuple[str, ...] = ()
     headline: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        proved = sum(claim.verdict == "proved" for claim in self.claims)
+        return f"Outcome({self.kind}: {self.verdict}, {proved} of {len(self.claims)} claims proved)"
+
+    def _repr_html_(self) -> str:
+        rows = [(claim.id, claim.verdict, "" if claim.verdict == "proved" else reason(claim))
+                for claim in self.claims]  # fmt: skip
+        text = html_table((f"{self.kind}: {self.verdict}", "verdict", "why"), rows)
+        return text + "".join(f"<p>{escape(phrase)}</p>" for phrase in self.headline)
 
 
 def investigate(

@@ -165,7 +165,7 @@ def run(
 @click.command()
 @click.argument("estimate", type=click.Path())
 @click.argument("data", required=False, type=click.Path())
-@output_option("estimate.png", "PNG or SVG file.")
+@output_option("estimate.png", "PNG, SVG or PDF file.")
 @click.option(
     "--events", type=click.Path(), help="Draw the impulses of this file too, with the measurements."
 )

@@ -18,6 +18,7 @@ from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.document import jsonable
 from obsdesign.entries import missing_entry
 from obsdesign.errors import DoesNotApply, InputError, naming
+from obsdesign.html_table import html_table
 from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
 from obsdesign.problem.clock_checks import check_clocks
@@ -109,6 +110,11 @@ class Problem:
 
     def __repr__(self) -> str:
         return f"Problem({self.name!r}, kind={self.kind!r}, n={self.plant.n}, p={self.plant.p})"
+
+    def _repr_html_(self) -> str:
+        body = self.to_dict()
+        rows = [(key, entry) for key, entry in body.items() if key != "name"]
+        return html_table((self.name, "entries"), rows)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Problem) and self.to_dict() == other.to_dict()

@@ -14,10 +14,11 @@ from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
+from matplotlib.figure import Figure, FigureBase
 
 from lmi.arithmetic.arrays import Array, Entries, Matrix
 from obsdesign.data.csv_lines import all_titles
+from obsdesign.errors import InputError
 from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths, with_gaps
 from obsdesign.pages.plotting.estimate_record import ONE_JUMP, EstimateRecord, Table
 from obsdesign.pages.plotting.stays import draw_stays
@@ -89,7 +90,8 @@ def plot_estimate(
     estimate: str, data: str | None, output: str, events: str | None = None,
     compared: Comparison = NOTHING,
 ) -> None:  # fmt: skip
-    """Draw an estimate file, with the truth and the jumps of a data file, into a PNG or SVG.
+    """Draw an estimate file, with the truth and the jumps of a data file, into a PNG, SVG
+    or PDF.
 
     events: an event file; its impulses become bands of two deviations and a panel of weights, with
     the measurements of the data above. compared: what bounds are drawn beside, with their widths.
@@ -100,11 +102,17 @@ def plot_estimate(
     record = EstimateRecord.from_files(
         estimate, data, events, compared.other, named=compared.events, titles=compared.columns
     )
+    draw_record(record, compared, output)
+
+
+def draw_record(
+    record: EstimateRecord, compared: Comparison = NOTHING, output: str | None = None
+) -> Figure:
+    """The figure of a record; written to a file where one is given."""
     record = replace(record, names=compared.names)
     strips = compared.strips(record.data)
     if "x1_lo" in record.estimate and not record.has_impulses and compared.has_widths:
-        _plot_with_widths(record, strips, output)
-        return
+        return _with_widths(record, strips, output)
     panels = record.panels
     columns = 1 if record.has_impulses or len(panels) <= _STACKED else 2
     rows = -(-len(panels) // columns)
@@ -116,9 +124,25 @@ def plot_estimate(
         for axis, name in zip(axes, panels, strict=True):
             _panel(axis, name, record)
         _finish(figure, axes, axes[-columns:], record)
+    return figure
 
 
-def _plot_with_widths(record: EstimateRecord, strips: Mapping[str, Strip], output: str) -> None:
+def draw_panel(
+    axis: Axes, name: str, record: EstimateRecord, compared: Comparison = NOTHING
+) -> None:
+    """One panel of a record on axes of one's own; name: x1, ..., of a state, d1, ... or y1, ...."""
+    record = replace(record, names=compared.names)
+    if name not in (*record.estimate.states, *record.data.measurements):
+        raise InputError(f"{name!r} is no signal of the estimate: {', '.join(record.panels)}.")
+    if name in record.data.measurements:
+        _measurements(axis, name, record)
+    else:
+        _state(axis, name, record, compared.strips(record.data).get(name))
+    _mark_status(axis, record)
+    _time_axis(axis, record)
+
+
+def _with_widths(record: EstimateRecord, strips: Mapping[str, Strip], output: str | None) -> Figure:
     """A row for each state: its bounds, and their width on a logarithmic axis."""
     names = record.panels
     with picture(8.4, 1.0 + 1.7 * len(names), output) as figure:
@@ -130,16 +154,21 @@ def _plot_with_widths(record: EstimateRecord, strips: Mapping[str, Strip], outpu
         axes[0, 0].set_title("bounds", fontsize=9)
         axes[0, 1].set_title("width of the bounds (logarithmic)", fontsize=9)
         _finish(figure, axes[:, 0], axes[-1], record)
+    return figure
 
 
 def _finish(figure: FigureBase, axes: Array, lowest: Array, record: EstimateRecord) -> None:
     """Label the time, mark the rows without guarantee, add the legend."""
     for axis in lowest:
-        unit = record.names.time_unit
-        axis.set_xlabel(f"time [{unit}]" if unit else "time")
+        _time_axis(axis, record)
         axis.tick_params(labelbottom=True)
         _mark_status(axis, record)
     _legend(figure, axes)
+
+
+def _time_axis(axis: Axes, record: EstimateRecord) -> None:
+    unit = record.names.time_unit
+    axis.set_xlabel(f"time [{unit}]" if unit else "time")
 
 
 def _legend(figure: FigureBase, axes: Array) -> None:

@@ -116,19 +116,26 @@ class EstimateRecord:
         named: columns of the data that say when an event happens, by its name; titles: column of
         the data by another title of it.
         """
-        estimates, truth = Table.from_file(estimate), Table.from_file(data, titles)
-        second = Table.from_file(other)
+        tables = (Table.from_file(estimate), Table.from_file(data, titles), Table.from_file(events))
+        return cls.from_tables(*tables, Table.from_file(other), named=named)
+
+    @classmethod
+    def from_tables(
+        cls, estimates: Table, truth: Table, impulses: Table, second: Table,
+        *, named: Mapping[str, Sequence[str]] = ONE_JUMP,
+    ) -> EstimateRecord:  # fmt: skip
+        """The same from the tables of such files; empty ones where there is no file."""
         t = estimates.numbers("t")
         if not estimates.states or not len(t):
             raise InputError(
-                f"{estimate}: columns x1_lo, x1_hi or x1 and at least one row are required."
+                f"{estimates.path}: columns x1_lo, x1_hi or x1 and at least one row are required."
             )
         for table in (truth, second):
             _check_states(estimates, table)
         _check_bounds(estimates, second)
         times = truth.numbers("t") if truth.columns else np.zeros(0)
         happened = {name: times[_happens(truth, titles)] for name, titles in named.items()}
-        return cls(estimates, truth, Table.from_file(events), second, t, times, happened)
+        return cls(estimates, truth, impulses, second, t, times, happened)
 
     @property
     def jumps(self) -> Matrix:

@@ -31,23 +31,29 @@ _STYLE: Value = {
 
 
 def check_output(output: str) -> None:
-    """InputError unless a PNG or SVG file can be written there."""
-    if Path(output).suffix.lower() not in (".png", ".svg"):
-        raise InputError(f"{output}: a picture must end in .png or .svg.")
+    """InputError unless a PNG, SVG or PDF file can be written there."""
+    if Path(output).suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise InputError(f"{output}: a picture must end in .png, .svg or .pdf.")
     if not Path(output).absolute().parent.is_dir():
         raise InputError(f"{output}: cannot be written: no such folder.")
 
 
 @contextmanager
-def picture(width: float, height: float, output: str | io.BytesIO) -> Iterator[Figure]:
-    """A figure of so many inches, written when all of it was drawn: to a file, or as SVG."""
-    svg, drawn = not isinstance(output, str) or output.lower().endswith("svg"), io.BytesIO()
+def picture(width: float, height: float, output: str | io.BytesIO | None) -> Iterator[Figure]:
+    """A figure of so many inches, written when all of it was drawn: to a file, or as SVG.
+
+    output: None where the figure itself is what is wanted.
+    """
+    suffix = Path(output).suffix.lower() if isinstance(output, str) else ".svg"
+    drawn = io.BytesIO()
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
-        same, kind = ({"Date": None}, "svg") if svg else (None, "png")
-        figure.savefig(drawn, dpi=200, metadata=same, format=kind)
+        if output is None:
+            return
+        metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
+        figure.savefig(drawn, dpi=200, metadata=metadata, format=suffix.removeprefix("."))
     if isinstance(output, str):
         write_bytes(output, drawn.getvalue())
     else:
