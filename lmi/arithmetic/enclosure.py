@@ -138,7 +138,7 @@ def expm(matrix: Enclosure) -> Enclosure:
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.abs(matrix.mid) + matrix.rad
         scales, pattern = _scales(size), reachable(size > 0)
-        balanced = _similar(matrix, scales)
+        balanced = similar(matrix, scales)
         norm = float(np.max(np.sum(balanced.magnitude, axis=0), initial=0.0))
         if not np.isfinite(norm) or norm > _LARGEST_NORM:
             return Enclosure(np.zeros_like(matrix.mid), np.full_like(matrix.rad, np.inf))
@@ -146,8 +146,26 @@ def expm(matrix: Enclosure) -> Enclosure:
         result = _taylor(balanced.scaled(2.0**-squarings), pattern, even=bool((scales == 1).all()))
         for _ in range(squarings):
             result = result @ result
-        result = _similar(result, 1.0 / scales)
+        result = similar(result, 1.0 / scales)
     return Enclosure(np.where(pattern, result.mid, 0.0), np.where(pattern, result.rad, 0.0))
+
+
+def exponential_terms(start: Enclosure, step: Enclosure, reach: float) -> tuple[Matrix, Matrix]:
+    """Coefficients (17, ..., n, n) of E e^{X s} in s, and a radius (..., n, n), |s| <= reach.
+
+    E in `start`, X in `step`, of norm at most 1 / (2 reach).
+    """
+    term, mids = start, [start.mid]
+    rad = start.rad
+    for k in range(1, _TAYLOR_DEGREE + 1):
+        term = (term @ step).scaled(1.0 / k, UNIT / k)
+        mids.append(term.mid)
+        rad = rad + reach**k * term.rad
+    size = reach * step.magnitude
+    largest = size.reshape(-1, *size.shape[-2:]).max(axis=0)
+    norm = float(np.max(np.sum(largest, axis=0), initial=0.0))
+    tail = start.magnitude @ _tail(largest, norm)
+    return np.array(mids), raised(rad + tail, 4 * _TAYLOR_DEGREE + 2 * len(largest))
 
 
 def _scales(size: Matrix) -> Matrix:
@@ -161,8 +179,8 @@ def _scales(size: Matrix) -> Matrix:
     return balance(size)
 
 
-def _similar(matrix: Enclosure, scales: Matrix) -> Enclosure:
-    """D X D^-1 for D = diag(scales), powers of two: exact but for underflow."""
+def similar(matrix: Enclosure, scales: Matrix) -> Enclosure:
+    """Return D X D^-1 for D = diag(scales), powers of two: exact but for underflow."""
     factors = scales[:, None] / scales[None, :]
     rad = matrix.rad * factors
     nonzero = (matrix.mid != 0) | (matrix.rad > 0)

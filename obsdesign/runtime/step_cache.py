@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TypeVar
 
 from obsdesign.runtime.clocks.time_stamps import length_error
@@ -20,12 +21,20 @@ T = TypeVar("T")
 _CACHED_STEPS = 256
 # Units in the last place: a step of fewer keeps its own length, a longer one is rounded to a
 # decimal unit of at least as many as two stamps of equal decimal steps can differ by, and a half.
-_SHORT_STEP_ULPS, _LEAST_UNIT_ULPS = 128.0, 3.0
+SHORT_STEP_ULPS, _LEAST_UNIT_ULPS = 128.0, 3.0
 
 
-def cached_step(cache: OrderedDict[K, T], h: K, build: Callable[[K], T]) -> T:
-    """Return `build(h)`, from the cache if it is there."""
-    return _cached(cache, h, lambda: build(h))
+def cached_step(
+    cache: OrderedDict[K, T], h: K, build: Callable[[K], T], most: int = _CACHED_STEPS
+) -> T:
+    """Return `build(h)`, from the cache if it is there; most: entries that are kept."""
+    try:
+        return cache[h]
+    except KeyError:
+        value = cache[h] = build(h)
+    if len(cache) > most:
+        cache.popitem(last=False)
+    return value
 
 
 def shared_step(
@@ -41,15 +50,8 @@ def shared_step(
     """
     length, half = shared_length(h, size)
     error = half + length_error(length, size) if h else 0.0
-    return _cached(cache, (length, math.frexp(size)[1]), lambda: build(length, error))
-
-
-def _cached(cache: OrderedDict[K, T], key: K, build: Callable[[], T]) -> T:
-    if key not in cache:
-        cache[key] = build()
-        if len(cache) > _CACHED_STEPS:
-            cache.popitem(last=False)
-    return cache[key]
+    key = (length, math.frexp(size)[1])
+    return cached_step(cache, key, lambda _: build(length, error))
 
 
 def shared_length(h: float, size: float) -> tuple[float, float]:
@@ -58,13 +60,32 @@ def shared_length(h: float, size: float) -> tuple[float, float]:
     The unit is decimal, 1, 2 or 5 times a power of ten and at most 7.5 ulp: equal decimal steps
     lie around a multiple of it, those of k * 0.1 around 0.1, and are not split.
     """
-    ulp = math.ulp(size)
-    if h < _SHORT_STEP_ULPS * ulp:
+    if h < SHORT_STEP_ULPS * math.ulp(size):
         return h, 0.0
+    unit = decimal_unit(size)
+    length = round(h / unit) * unit
+    return length, _half(length, unit)
+
+
+def shared_error(longest: float, size: float) -> float:
+    """Bound of the distance from shared lengths of up to `longest` to the true ones."""
+    return _half(longest, decimal_unit(size)) + length_error(longest, size)
+
+
+def decimal_unit(size: float) -> float:
+    """Unit of the lengths that steps between stamps of at most `size` share."""
+    return _decimal_unit(math.ulp(size))
+
+
+@lru_cache(maxsize=128)
+def _decimal_unit(ulp: float) -> float:
     least = _LEAST_UNIT_ULPS * ulp
     power = 10.0 ** math.floor(math.log10(least))
-    unit = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least)
-    length = round(h / unit) * unit
+    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least)
+
+
+def _half(length: float, unit: float) -> float:
+    """How far steps may be from the length that they share."""
     # quotient and product are rounded, by less than an ulp and by half an ulp of h; h is below
     # length + unit, and what is shared does not depend on which of these steps came first
-    return length, 0.5 * unit + 2.0 * math.ulp(length + unit)
+    return 0.5 * unit + 2.0 * math.ulp(length + unit)

@@ -40,6 +40,6 @@ def advanced(
     size = max(abs(t), abs(state.t))
     name = "none" if y is None else "sampled"
     path = kernels.for_step(t - state.t, size).path(name).after(course.path, y, state.u)
-    whole = kernels.for_step(t - course.since, max(size, abs(course.since))).maps[name]
+    whole = kernels.for_step(t - course.since, max(size, abs(course.since))).box_map(name)
     box = around_path(path, whole.R, whole.g, course.radius)
     return course._replace(now=t, path=path), box

@@ -129,12 +129,12 @@ class Kernel:
         return slices[: self.candidates], slices[self.candidates :]
 
     def in_parts(self, exponent: int) -> KernelParts:
-        """Its product and where its parts are; exponent: of the times of its samples (`frexp`)."""
+        """Where its parts are; exponent: of the times of its samples (`frexp`)."""
         begins = math.ldexp(0.5, exponent)
         n2, p, middle = 2 * self.n, self.p, self.middle
         (first, *others), inner = self.blocks
         return KernelParts(
-            self.product, self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
+            self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
             slice(middle), slice(middle, None), self.checks, first, tuple(others), tuple(inner),
             self._uses_y_start, n2 + p, slice(self.n), slice(self.n, None),
             begins, 2.0 * begins,
@@ -203,7 +203,7 @@ class Kernel:
 
 
 class KernelParts(NamedTuple):
-    """The product with a kernel, slices of v and of a result, and for which times they are.
+    """Slices of v and of a result, and for which times they are.
 
     box, y_start, y_end, known, sizes: of v, the last two all that also enters by absolute value
     and these values; checks, first, others, inner: of a result, the last three the candidates for
@@ -211,7 +211,6 @@ class KernelParts(NamedTuple):
     first y_end; lows, highs: halves of a candidate; begins, ends: of t, ends not included.
     """
 
-    product: Product
     blank: Matrix
     box: slice
     y_start: slice

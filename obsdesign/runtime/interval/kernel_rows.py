@@ -190,7 +190,7 @@ def _candidates(
     for box in maps:
         ends = _ends(box)
         for j, pairs in enumerate(of_state):
-            if not (strips and _is_between(box, strips[-1], C, V, j)):
+            if not (strips and is_between(box, strips[-1], C, V, j)):
                 pairs.append(ends[[j, n + j]])
     for strip in strips:
         for i, j in zip(*np.nonzero(C.mid), strict=True):
@@ -213,7 +213,7 @@ def _distinct(pairs: list[Matrix]) -> list[Matrix]:
     return kept
 
 
-def _is_between(box: Rows, strip: Contained, C: Enclosure, V: Matrix, j: int) -> bool:
+def is_between(box: Rows, strip: Contained, C: Enclosure, V: Matrix, j: int) -> bool:
     """Does state j of a box lie between those of `strip` without y1 and of one about it alone?
 
     Its bounds are then (1 - s) times those without plus s times those of the strip, or wider.
@@ -261,21 +261,34 @@ def _strip_pair(
 ) -> Matrix | None:
     """Rows for the lower and the upper bound of one state from one output; None if not finite."""
     i, j = entry
+    about = strip_factor(C, entry)
+    if about is None:
+        return None
+    scale, off, others = about
+    largest = float(raised(np.array(abs(scale) + off), 2)) if C.rad[i, j] else abs(scale)
+    term = strip.states.times(others, Enclosure(y_end.mid[i : i + 1], y_end.rad[i : i + 1]))
+    term = widened(term, strip.noise, V, slice(i, i + 1))
+    R = raised(term.R * largest, 2)
+    g = raised(term.g * largest, 4)
+    pair = _ends(Rows(term.X.scaled(scale, off), R, g))
+    return pair if np.isfinite(pair).all() else None
+
+
+def strip_factor(C: Enclosure, entry: tuple[int, int]) -> tuple[float, float, Enclosure] | None:
+    """(1 / c, its error, what else the output has, negated (1, n)) of an entry c of C.
+
+    None where 1 / c is not certain.
+    """
+    i, j = entry
     c, error = float(C.mid[i, j]), float(C.rad[i, j])
     if not abs(c) > 2 * error:
         return None
     with np.errstate(over="ignore"):
-        scale = abs(1.0 / c)
+        scale = 1.0 / c
         # |1/c' - 1/c| <= |c' - c| / (|c| |c'|)
-        off = UNIT * scale + (4 * error * scale * scale if error else 0.0)
-    if not np.isfinite(scale + off):
+        off = UNIT * abs(scale) + (4 * error * scale * scale if error else 0.0)
+    if not np.isfinite(abs(scale) + off):
         return None
     others = Enclosure(-C.mid[i : i + 1], C.rad[i : i + 1].copy())
     others.mid[0, j] = others.rad[0, j] = 0.0
-    term = strip.states.times(others, Enclosure(y_end.mid[i : i + 1], y_end.rad[i : i + 1]))
-    term = widened(term, strip.noise, V, slice(i, i + 1))
-    largest = float(raised(np.array(scale + off), 2)) if error else scale
-    R = raised(term.R * largest, 2)
-    g = raised(term.g * largest, 4)
-    pair = _ends(Rows(term.X.scaled(1.0 / c, off), R, g))
-    return pair if np.isfinite(pair).all() else None
+    return scale, off, others

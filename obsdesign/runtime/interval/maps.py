@@ -55,6 +55,11 @@ from lmi.arithmetic.enclosure import Enclosure, expm, inverse, powers, raised, s
 from lmi.arithmetic.exponential import FLOW_PIECES
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.interval.drives import Drives, Radius
+from obsdesign.runtime.interval.flow_systems import (
+    comparison_blocks,
+    comparison_system,
+    with_inputs,
+)
 from obsdesign.runtime.interval.model import (
     Model,
     completed,
@@ -234,10 +239,9 @@ def _of_w(model: Model, X: Enclosure) -> Enclosure:
 
 def driven(A: Enclosure, B: Enclosure, h: float, error: float) -> tuple[Enclosure, Enclosure]:
     """e^{A h} and int_0^h e^{A s} ds B, from one block exponential; h is known to +- error."""
-    n, m = B.mid.shape
-    rows = [[A, B], [exactly(np.zeros((m, n))), exactly(np.zeros((m, m)))]]
-    whole = expm(stack(rows).scaled(h, error))
-    return _block(whole, slice(n), slice(n)), _block(whole, slice(n), slice(n, n + m))
+    n = len(B.mid)
+    whole = expm(with_inputs(A, B).scaled(h, error))
+    return _block(whole, slice(n), slice(n)), _block(whole, slice(n), slice(n, None))
 
 
 def _columns(X: Enclosure, columns: slice) -> Enclosure:
@@ -251,32 +255,16 @@ def _block(whole: Enclosure, rows: slice, columns: slice) -> Enclosure:
 def _comparison(W: Matrix, f: Matrix, h: float, h_error: float) -> tuple[Matrix, Matrix]:
     """(e^{W h}, int_0^h e^{W s} ds f), rounded up."""
     n = len(W)
-    system = np.zeros((n + 1, n + 1))
-    system[:n, :n], system[:n, n] = W, f
-    whole = expm(exactly(system).scaled(h, h_error))
+    system = with_inputs(exactly(W), exactly(f[:, None]))
+    whole = expm(system.scaled(h, h_error))
     return _bounds(_block(whole, slice(n), slice(n)), _block(whole, slice(n), slice(n, n + 1)))
 
 
 def _spread(model: Model, h: float, h_error: float) -> dict[str, tuple[Matrix, Matrix]]:
-    """(R, g) of the maps that use y, from the comparison system [q; rho; sig; 1; 1]."""
-    L, b_rad = size(model.L), model.b_rad
-    n, p = L.shape
-    noise = raised(L @ model.V + b_rad, 2 * p)
-    slope = size(model.C @ model.A)
-    drift = raised(size(model.C) @ b_rad, 2 * n)
-    q, rho, sig = slice(n), slice(n, 2 * n), slice(2 * n, 2 * n + p)
-    system = np.zeros((2 * n + p + 2, 2 * n + p + 2))
-    system[q, q], system[q, sig], system[q, -2] = model.width, L, noise
-    system[rho, rho], system[rho, -1] = metzler_bound(model.A), b_rad
-    system[sig, rho], system[sig, -1] = slope, drift
-    whole = expm(exactly(system).scaled(h, h_error))
-    part = {
-        name: _block(whole, rows, columns)
-        for name, rows, columns in (
-            ("qq", q, q), ("q_rho", q, rho), ("q_sig", q, sig), ("q_1", q, slice(-2, -1)),
-            ("q_2", q, slice(-1, None)), ("sig_rho", sig, rho), ("sig_2", sig, slice(-1, None)),
-        )
-    }  # fmt: skip
+    """(R, g) of the maps that use y, from the comparison system."""
+    n, p = model.L.mid.shape
+    whole = expm(exactly(comparison_system(model)).scaled(h, h_error))
+    part = {name: _block(whole, *where) for name, where in comparison_blocks(n, p).items()}
     return {
         "start": _bounds(part["qq"] + part["q_rho"], part["q_1"] + part["q_2"]),
         "end": _bounds(

@@ -39,7 +39,7 @@ from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
-from obsdesign.runtime.interval.kernel import KernelParts, Result, largest
+from obsdesign.runtime.interval.kernel import KernelParts, Product, Result, largest
 from obsdesign.runtime.interval.parametric_kernels import kernels_of
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.state_tube import (
@@ -175,13 +175,13 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         """
         t, y, _, _, jump, bounds, _, _, _, _ = sample
         since, _, _, y_before, guard, _, _, _, phase, _, _, _, _ = state
-        if jump or bounds is not None or type(y) is not ndarray or y.size != 1:
+        if jump or bounds is not None or type(y) is not ndarray or y.size != 1 or since < 0.0:
             return None
         h, value, kernels, clock = t - since, y.item(), self.kernels, self.clock
-        kernel = kernels.latest.get(h)
-        if kernel is None or not kernel.begins <= t < kernel.ends:
-            kernel = kernels.usual(h, t)
-        if kernel is None or since < 0.0 or not -MODERATE < value < MODERATE:
+        usual = kernels.latest.get(h)
+        if usual is None or not usual[1].begins <= t < usual[1].ends:
+            usual = kernels.usual(h, t)
+        if usual is None or not -MODERATE < value < MODERATE:
             return None
         if clock.period is None:
             if y_before is None or h > clock.longest:
@@ -190,7 +190,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
             return None
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
-        return _usual_step(kernel, state, t, value)
+        return _usual_step(*usual, state, t, value)
 
     def batch(self, state: IntervalState, record: Columns) -> Batch:
         """Estimates of the rows of a record from a state at its first row: those of `step`."""
@@ -273,10 +273,10 @@ def _judged(
 
 
 def _usual_step(
-    kernel: KernelParts, state: IntervalState, t: float, y: float
+    product: Product, kernel: KernelParts, state: IntervalState, t: float, y: float
 ) -> tuple[IntervalState, Estimate] | None:
     """The product of a step and what follows; None where there is an objection."""
-    (product, blank, box, y_start, y_end, known, sizes, checks, first, others, inner, uses_y,
+    (blank, box, y_start, y_end, known, sizes, checks, first, others, inner, uses_y,
      y_index, lows, highs, _, _) = kernel  # fmt: skip
     _, before, u, y_before, guard, _, _, _, _, _, _, _, _ = state
     v = blank.copy()

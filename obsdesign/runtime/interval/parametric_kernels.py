@@ -33,6 +33,7 @@ from obsdesign.runtime.interval.maps import BoxMap, jump_maps, step_maps
 from obsdesign.runtime.interval.model import Model, exactly, observer_model, rounded
 from obsdesign.runtime.interval.parametric_jumps import parametric_jump_maps
 from obsdesign.runtime.interval.parametric_steps import parametric_step_maps
+from obsdesign.runtime.interval.step_cells import StepCells
 from obsdesign.runtime.interval.step_kernels import KernelsOfStep, StepKernels
 
 # a map, and what else contains the state
@@ -63,6 +64,11 @@ class ParametricKernels(StepKernels):
         return effects_of(self.gains, self.own_model)
 
     @property
+    def cells(self) -> StepCells | None:
+        """None: radii that follow effects have kernels for each length."""
+        return None
+
+    @property
     def keeps_course(self) -> bool:
         """Are whole steps made too? Of boxes in known bounds of the state alone."""
         return super().keeps_course and self._has_state_bounds
@@ -88,7 +94,7 @@ class ParametricKernels(StepKernels):
             if self._has_state_bounds:
                 bounded = step_maps(self.model, h, h_error, is_periodic=self.is_periodic)
         return KernelsOfStep(
-            bounded,
+            bounded.__getitem__,
             lambda name: self._driven(self._chosen(name, own), self._chosen(name, bounded)),
         )
 

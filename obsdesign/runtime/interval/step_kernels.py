@@ -1,4 +1,4 @@
-"""Kernels of an interval observer: one set for each length of a step, and those of jumps."""
+"""Kernels of an interval observer: of steps, by cells of lengths or of their own; of jumps."""
 
 from __future__ import annotations
 
@@ -15,17 +15,33 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import vector
 from obsdesign.runtime.boxes import BoundsFault
-from obsdesign.runtime.interval.kernel import Kernel, KernelParts, Result, crossed
+from obsdesign.runtime.clocks.time_stamps import time_tolerance
+from obsdesign.runtime.interval.cell_rows import Maps
+from obsdesign.runtime.interval.kernel import Kernel, Result, crossed
 from obsdesign.runtime.interval.kernel_rows import Cuts, is_known_from_strip, kernel
+from obsdesign.runtime.interval.map_series import MapSeries
 from obsdesign.runtime.interval.maps import BoxMap, flow_and_jump_spread, jump_maps, step_maps
 from obsdesign.runtime.interval.model import Model, observer_model
 from obsdesign.runtime.interval.path import PathMap, around_path
 from obsdesign.runtime.interval.state import Course
+from obsdesign.runtime.interval.step_cells import StepCells, Usual
 from obsdesign.runtime.jump import no_jumps
-from obsdesign.runtime.step_cache import shared_step
+from obsdesign.runtime.step_cache import SHORT_STEP_ULPS, decimal_unit, shared_step
 
-# step lengths as they come, before rounding: a few dozen differences of decimal time stamps
-_RECENT = 1024
+# kernels of usual steps that are kept, and lengths as they come for which
+_KEPT, _MOST_LENGTHS = 256, 4096
+# of each kernel, by name: maps that lead to boxes, first that of the step, and to strips of y1
+_CUTS = {
+    "none": (["none"], []),
+    "start": (["start", "none"], []),
+    "end": (["end", "none"], ["none"]),
+    "sampled": (["sampled", "none"], ["none"]),
+    "both": (["start", "end", "none"], ["start", "none"]),
+}
+# where nothing is left to know from y0
+_WITHOUT_START = {"both": "end", "start": "none"}
+# where in a cell that is decided
+_PLACES = (-1.0, 0.0, 1.0)
 
 
 class JumpSample(NamedTuple):
@@ -43,10 +59,11 @@ class JumpSample(NamedTuple):
 class KernelsOfStep(dict[str, Kernel]):
     """Kernels of one step by name, each made by `build` when it is first needed; and its maps."""
 
-    def __init__(self, maps: Mapping[str, BoxMap], build: Callable[[str], Kernel]) -> None:
+    def __init__(self, map_of: Callable[[str], BoxMap], build: Callable[[str], Kernel]) -> None:
         super().__init__()
-        self.maps = maps
+        self._map_of = map_of
         self._build = build
+        self._maps: dict[str, BoxMap] = {}
         self._paths: dict[str, PathMap] = {}
 
     def __missing__(self, name: str) -> Kernel:
@@ -54,10 +71,16 @@ class KernelsOfStep(dict[str, Kernel]):
             self[name] = built = self._build(name)
         return built
 
+    def box_map(self, name: str) -> BoxMap:
+        """The map `name` of the step."""
+        if name not in self._maps:
+            self._maps[name] = self._map_of(name)
+        return self._maps[name]
+
     def path(self, name: str) -> PathMap:
         """The map `name` of the path of a `Course`."""
         if name not in self._paths:
-            self._paths[name] = PathMap.from_map(self.maps[name])
+            self._paths[name] = PathMap.from_map(self.box_map(name))
         return self._paths[name]
 
 
@@ -71,15 +94,19 @@ class StepKernels:
     def __init__(self, gains: IntervalGains) -> None:
         self.gains = gains
         self.is_periodic = gains.is_periodic
+        self._sampled = "sampled" if self.is_periodic else "both"
         # one output and no inputs: most of the time of a step is spent calling
         self._is_short = gains.p == 1 and not gains.columns["u"]
         self._steps: OrderedDict[tuple[float, int], KernelsOfStep] = OrderedDict()
         self._jump_spreads: OrderedDict[tuple[float, int], tuple[Matrix, Matrix]] = OrderedDict()
-        self._recent: dict[tuple[float, int], KernelsOfStep] = {}
-        # (length as it comes, exponent of the later time) -> the kernel of a sample there, in parts
-        self._usual: dict[tuple[float, int], KernelParts] = {}
-        # length -> the last of them that was used
-        self.latest: dict[float, KernelParts] = {}
+        # exponent of the later time -> shortest step that shares its length, and unit of lengths
+        self._scales: dict[int, tuple[float, float]] = {}
+        # (shared length, exponent of the later time): the last that had no kernel of its own
+        self._previous: tuple[float, int] | None = None
+        # (shared length, exponent of the later time) -> the kernel of a sample there, in parts
+        self._usual: dict[tuple[float, int], Usual] = {}
+        # length as it comes -> the last of them that was used
+        self.latest: dict[float, Usual] = {}
 
     @cached_property
     def model(self) -> Model:
@@ -89,32 +116,52 @@ class StepKernels:
 
     def for_step(self, h: float, size: float) -> KernelsOfStep:
         """Kernels of a step of about h between time stamps of magnitude `size`."""
-        key = (h, math.frexp(size)[1])
-        kernels = self._recent.get(key)
-        if kernels is None:
-            if len(self._recent) >= _RECENT:
-                self._recent.clear()
-                self._usual.clear()
-                self.latest.clear()
-            kernels = shared_step(self._steps, h, size, self._built)
-            self._recent[key] = kernels
-            if h > 0.0 and self._is_short:
-                chosen = kernels["sampled" if self.is_periodic else "both"]
-                if chosen.moderate:
-                    self._usual[key] = chosen.in_parts(key[1])
-        return kernels
+        return shared_step(
+            self._steps, h, size, lambda length, error: self._of_length(length, error, size)
+        )
 
-    def usual(self, h: float, t: float) -> KernelParts | None:
-        """The kernel of a step h > 0 to a sample at t, in parts; None where there is none yet."""
-        parts = self._usual.get((h, math.frexp(t)[1]))
-        if parts is not None:
-            self.latest[h] = parts
-        return parts
+    def usual(self, h: float, t: float) -> Usual | None:
+        """The kernel of a step of about h to a sample at t, in parts; None where none is at hand.
+
+        A length has a kernel that is kept once it comes twice in a row, or where cells have none.
+        """
+        exponent = math.frexp(t)[1]
+        shortest, unit = self._scales.get(exponent) or self._scale(t)
+        if not shortest <= h < math.inf:
+            return None
+        key = (round(h / unit) * unit, exponent)
+        usual = self._usual.get(key)
+        if usual is not None:
+            self.latest[h] = usual
+            return usual
+        if key != self._previous and not self.is_periodic and self.cells is not None:
+            self._previous = key
+            usual = self.cells.usual(self._sampled, key)
+            if usual is not None:
+                return usual
+        kernel = self.for_step(h, t)[self._sampled]
+        if not kernel.moderate:
+            return None
+        if len(self._usual) >= _KEPT or len(self.latest) >= _MOST_LENGTHS:
+            self._usual.clear()
+            self.latest.clear()
+        self._usual[key] = self.latest[h] = usual = kernel.product, kernel.in_parts(exponent)
+        return usual
+
+    def _scale(self, t: float) -> tuple[float, float]:
+        """Shortest step that shares its length, and unit of shared lengths, at times like t > 0.
+
+        The shortest is infinite where no step is usual.
+        """
+        scale = (math.inf, 1.0)
+        if self._is_short and 0.0 < t < math.inf:
+            scale = (SHORT_STEP_ULPS * math.ulp(t), decimal_unit(t))
+            self._scales[math.frexp(t)[1]] = scale
+        return scale
 
     def with_sample(self, h: float, size: float, has_start: bool) -> Kernel:
         """The kernel of a step with a sample at its end; has_start: and one at its start."""
-        mode = "sampled" if self.is_periodic else "both" if has_start else "end"
-        return self.for_step(h, size)[mode]
+        return self.for_step(h, size)[self._sampled if has_start or self.is_periodic else "end"]
 
     @cached_property
     def still(self) -> KernelsOfStep:
@@ -194,10 +241,33 @@ class StepKernels:
         size = max(used.size, whole.size)
         return Result(both, ends[: k.n], -ends[k.n :], size, used.fault or whole.fault)
 
+    @cached_property
+    def cells(self) -> StepCells | None:
+        """Kernels of all lengths of a cell at once; None where each length has its own."""
+        choice = partial(_in_cell, self._is_known_from_strip)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return StepCells(self.model, self.gains.C, choice, is_periodic=self.is_periodic)
+
+    def _of_length(self, h: float, h_error: float, size: float) -> KernelsOfStep:
+        """Kernels of a shared length: those of its cell, of the period its own."""
+        if h == 0.0 or self.cells is None or self._is_period(h, size):
+            return self._built(h, h_error)
+        spot = self.cells.spot(h, size)
+        if spot is None:
+            return self._built(h, h_error)
+        return KernelsOfStep(
+            partial(self.cells.box_map, spot=spot), partial(self.cells.kernel, spot=spot)
+        )
+
+    def _is_period(self, h: float, size: float) -> bool:
+        period = self.gains.period
+        return period is not None and abs(h - period) <= time_tolerance(period, size)
+
     def _built(self, h: float, h_error: float) -> KernelsOfStep:
+        """Kernels of a length of its own."""
         with np.errstate(over="ignore", invalid="ignore"):
             maps = step_maps(self.model, h, h_error, is_periodic=self.is_periodic)
-        return KernelsOfStep(maps, lambda name: self._kernel(name, maps))
+        return KernelsOfStep(maps.__getitem__, lambda name: self._kernel(name, maps))
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
         """The kernel `name` of a step with these maps."""
@@ -207,13 +277,9 @@ class StepKernels:
         """The map of the kernel `name`, and what it is cut with."""
         free = maps["none"]
         if name in ("both", "start") and self._is_known_from_strip(maps["start"], free):
-            name = "end" if name == "both" else "none"
-        if name in ("none", "start"):
-            return maps[name], Cuts([free])
-        started = [maps["start"]] if name == "both" else []
-        ended = [maps["end"]] if name == "both" else []
-        chosen = started[0] if started else maps.get(name, free)  # "end" of no step is its start
-        return chosen, Cuts([*ended, free], [*started, free])
+            name = _WITHOUT_START[name]
+        boxes, strips = ([maps.get(each, free) for each in names] for names in _CUTS[name])
+        return boxes[0], Cuts(boxes[1:], strips)
 
     def _is_known_from_strip(self, start: BoxMap, free: BoxMap) -> bool:
         model = self.model
@@ -221,3 +287,17 @@ class StepKernels:
 
     def _with_cuts(self, model: Model, step: BoxMap, cuts: Cuts) -> Kernel:
         return kernel(model, step, self.gains.C, cuts)
+
+
+def _in_cell(
+    is_known_from_strip: Callable[[BoxMap, BoxMap], bool],
+    name: str,
+    series: Callable[[str], MapSeries],
+) -> Maps:
+    """The maps of the kernel `name` for all steps of a cell."""
+    if name in _WITHOUT_START and all(
+        is_known_from_strip(series("start").box_map(s), series("none").box_map(s)) for s in _PLACES
+    ):
+        name = _WITHOUT_START[name]
+    boxes, strips = ([series(each) for each in names] for names in _CUTS[name])
+    return Maps(list({id(each): each for each in boxes}.values()), strips)

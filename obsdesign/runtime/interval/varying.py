@@ -30,6 +30,7 @@ from obsdesign.runtime.interval.kernel_rows import Cuts, kernel
 from obsdesign.runtime.interval.maps import BoxMap, jump_maps, step_maps
 from obsdesign.runtime.interval.model import Model, exactly, shapes
 from obsdesign.runtime.interval.state import HeldBounds, IntervalState
+from obsdesign.runtime.interval.step_cells import StepCells
 from obsdesign.runtime.interval.step_kernels import KernelsOfStep, StepKernels
 
 NO_PARTS = np.zeros(0)
@@ -132,6 +133,11 @@ class VaryingKernels(StepKernels):
         """Columns of b and of c, None where the bounds are those of b and c."""
         return shapes(self.gains)
 
+    @property
+    def cells(self) -> StepCells | None:
+        """None: rows with bounds of their own have kernels for each length."""
+        return None
+
     @cached_property
     def model(self) -> Model:
         """The plant without radii of disturbances and noise, with shifts of b and c as inputs."""
@@ -173,7 +179,7 @@ class VaryingKernels(StepKernels):
             unused = [None] * len(of_v)
             ends = [*of_v, *unused] if name == "start" else [*unused, *of_v]
             widened[name] = _with_parts(step, [*of_b, *ends])
-        return KernelsOfStep(widened, lambda name: self._kernel(name, widened))
+        return KernelsOfStep(widened.__getitem__, lambda name: self._kernel(name, widened))
 
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:

@@ -28,7 +28,9 @@ SLACK = 1e-9
 
 
 class UncutKernels(StepKernels):
-    """The box of the observer alone."""
+    """The box of the observer alone, of each length by itself."""
+
+    cells = None
 
     def _with_cuts(self, model: Model, step: BoxMap, cuts: Cuts) -> Kernel:
         del cuts

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -20,9 +19,9 @@ from obsdesign.problem.output import Output
 from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval.kernel import Kernel
-from obsdesign.runtime.interval.maps import BoxMap, step_maps
+from obsdesign.runtime.interval.maps import step_maps
 from obsdesign.runtime.interval.observer import IntervalObserver
-from obsdesign.runtime.interval.step_kernels import StepKernels
+from obsdesign.runtime.interval.step_kernels import KernelsOfStep, StepKernels
 from tests.systems.interval_runs import (
     SIMULATION_ROUNDING,
     observer_for,
@@ -105,11 +104,21 @@ def rounding_case(observer_of) -> bool:
 class KernelsWithoutMargin(StepKernels):
     """The same matrices, but nothing added for rounding."""
 
-    def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
-        whole = super()._kernel(name, maps)
-        rows = whole.rows.copy()
-        rows[:, whole.middle :] = 0.0
-        return dataclasses.replace(whole, rows=rows)
+    def _of_length(self, h: float, h_error: float, size: float) -> KernelsOfStep:
+        whole = super()._of_length(h, h_error, size)
+        return KernelsOfStep(whole.box_map, lambda name: without_margin(whole[name]))
+
+
+def without_margin(kernel: Kernel) -> Kernel:
+    rows = kernel.rows.copy()
+    rows[:, kernel.middle :] = 0.0
+    return dataclasses.replace(kernel, rows=rows)
+
+
+class KernelsOfTheirOwnWithoutMargin(KernelsWithoutMargin):
+    """Likewise, with a kernel for each length instead of those of its cell."""
+
+    cells = None
 
 
 class WithoutMargin(IntervalObserver):
@@ -118,12 +127,19 @@ class WithoutMargin(IntervalObserver):
         return KernelsWithoutMargin(self.gains)
 
 
+class OfTheirOwnWithoutMargin(IntervalObserver):
+    @cached_property
+    def kernels(self) -> StepKernels:
+        return KernelsOfTheirOwnWithoutMargin(self.gains)
+
+
 def test_bounds_of_no_width_contain_the_exact_state() -> None:
     assert rounding_case(lambda observer: observer)
 
 
-def test_the_twin_without_margin_loses_it() -> None:
-    assert not rounding_case(lambda observer: WithoutMargin(observer.gains))
+@pytest.mark.parametrize("twin", [WithoutMargin, OfTheirOwnWithoutMargin])
+def test_the_twin_without_margin_loses_it(twin: type[IntervalObserver]) -> None:
+    assert not rounding_case(lambda observer: twin(observer.gains))
 
 
 # --- laws -------------------------------------------------------------------------------------
