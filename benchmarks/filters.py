@@ -51,11 +51,17 @@ def observer(measured: str) -> IntervalObserver:
 
 def kalman_filter() -> Filter:
     """filterpy's filter of the same plant."""
+    filter_ = kalman_filter_of(A, C)
+    filter_.F = expm(A * PERIOD)
+    return filter_
+
+
+def kalman_filter_of(A: Matrix, C: Matrix) -> Filter:
+    """filterpy's filter of a plant, without the map of a step."""
     from filterpy.kalman import KalmanFilter
 
-    filter_: Filter = KalmanFilter(dim_x=N, dim_z=1)
-    filter_.F, filter_.H = expm(A * PERIOD), C
-    filter_.Q, filter_.R = 1e-3 * np.eye(N), 1e-3 * np.eye(1)
+    filter_: Filter = KalmanFilter(dim_x=len(A), dim_z=len(C))
+    filter_.H, filter_.Q, filter_.R = C, 1e-3 * np.eye(len(A)), 1e-3 * np.eye(len(C))
     return filter_
 
 
