@@ -16,6 +16,7 @@ from obsdesign.verification.answers import is_ended, more_time, reason
 from obsdesign.workflow import Outcome
 
 if TYPE_CHECKING:
+    from obsdesign.data.noise_estimate import NoiseEstimate
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
     from obsdesign.studies.comparison.row import ComparisonRow
     from obsdesign.studies.search.result import SearchResult
@@ -155,3 +156,48 @@ def _apart(low: float, high: float) -> tuple[str, str]:
         with localcontext(prec=digits + 1, rounding=mode):
             ends.append("inf" if math.isinf(value) else f"{+Decimal(value):f}")
     return ends[0], ends[1]
+
+
+_CAUTION = (
+    "These rest on the record: y is taken as a parabola over seven samples, and what is rare is "
+    "not in it. A bound from a data sheet is better. Bounds that are too small are void, and the "
+    "data may not show it."
+)
+
+
+def noise_answer(estimates: Sequence[NoiseEstimate]) -> str:
+    """The JSON object of `noise`: an entry for each column."""
+    return json.dumps(
+        {"command": "noise", "result": [asdict(each) for each in estimates]}, allow_nan=False
+    )
+
+
+def show_noise(estimates: Sequence[NoiseEstimate]) -> None:
+    """A table of the noise of each column, and what to write into a problem file."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for title in ("noise of", "samples", "deviation", "bound", "resolution"):
+        table.add_column(title, justify="left" if title == "noise of" else "right")
+    for each in estimates:
+        resolution = f"{each.resolution:.3g}" if each.resolution else "–"
+        table.add_row(
+            each.column, str(each.samples), f"{each.std:.3g}", f"{each.bound:.3g}", resolution
+        )
+    console = output_console()
+    console.print(table)
+    print("[output]")
+    for name, values in (
+        ("noise_bound", [each.bound for each in estimates]),
+        ("noise_std", [0.0 if each.cv else each.std for each in estimates]),
+        ("noise_cv", [each.cv for each in estimates]),
+    ):
+        if any(values):
+            print(f"{name} = [{', '.join(f'{value:.3g}' for value in values)}]")
+    for each in estimates:
+        if not each.is_smooth:
+            console.print(
+                f"[yellow]![/] {each.column}: what is left of the parabolas is no noise: sample "
+                "faster, or mark the jumps of the record."
+            )
+    console.print(_CAUTION)

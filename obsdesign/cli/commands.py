@@ -36,8 +36,8 @@ def cli(quiet: bool, verbose: bool) -> None:
 
 for command in (
     pages.demo, proving.check, proving.design, proving.verify, proving.search, data.simulate,
-    data.run, data.plot, data.export, data.convert, sweeping.sweep, pages.compare, pages.report,
-    pages.schema, pages.completion,
+    data.run, data.plot, data.export, data.convert, data.noise, sweeping.sweep, pages.compare,
+    pages.report, pages.schema, pages.completion,
 ):  # fmt: skip
     cli.add_command(command)
 

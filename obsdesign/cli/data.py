@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from obsdesign.cli.arguments import (
+    AS_JSON,
     NUMBER,
     RENAME,
     Count,
@@ -266,4 +267,23 @@ def convert(source: str, *, problem: str | None, output: str) -> int:
     for name, (_, columns) in zip(names, records, strict=True):
         write_text(name, table_text(columns))
         say(f"written: {name}, {len(columns['t'])} rows")
+    return 0
+
+
+@click.command()
+@click.argument("data", metavar="DATA.csv", type=click.Path())
+@RENAME
+@click.option("--columns", metavar="A,B", help="Measured columns.  [default: y1, y2, ...]")
+@AS_JSON
+def noise(data: str, *, titles: Mapping[str, str], columns: str | None, as_json: bool) -> int:
+    """Estimate noise bounds and deviations of the measurements in DATA.csv."""
+    from obsdesign.cli.answers import noise_answer, show_noise
+    from obsdesign.data.noise_estimate import estimate_noise
+
+    named = () if columns is None else tuple(name.strip() for name in columns.split(","))
+    estimates = estimate_noise(data, titles, named)
+    if as_json:
+        click.echo(noise_answer(estimates))
+    elif not is_quiet():
+        show_noise(estimates)
     return 0
