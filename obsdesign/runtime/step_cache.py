@@ -13,6 +13,9 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import TypeVar
 
+import numpy as np
+
+from lmi.arithmetic.arrays import Indices, Matrix
 from obsdesign.runtime.clocks.time_stamps import length_error
 
 K = TypeVar("K")
@@ -65,6 +68,16 @@ def shared_length(h: float, size: float) -> tuple[float, float]:
     unit = decimal_unit(size)
     length = round(h / unit) * unit
     return length, _half(length, unit)
+
+
+def shared_lengths(steps: Matrix, sizes: Matrix) -> tuple[Matrix, Indices]:
+    """`shared_length` of each of the steps (k,), without halves, and the exponents of `sizes`."""
+    exponents = np.frexp(sizes)[1]
+    units = np.ones_like(steps)
+    for exponent in np.unique(exponents).tolist():
+        units[exponents == exponent] = decimal_unit(math.ldexp(0.5, exponent))
+    is_short = steps < SHORT_STEP_ULPS * np.spacing(sizes)
+    return np.where(is_short, steps, np.rint(steps / units) * units), exponents
 
 
 def shared_error(longest: float, size: float) -> float:

@@ -22,7 +22,7 @@ from obsdesign.runtime.interval.kernel import Kernel, largest
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.interval.state_tube import known_inputs
 from obsdesign.runtime.interval.step_kernels import StepKernels
-from obsdesign.runtime.step_cache import shared_length
+from obsdesign.runtime.step_cache import shared_length, shared_lengths
 
 Step = Callable[[IntervalState, Sample], tuple[IntervalState, Estimate]]
 
@@ -155,10 +155,11 @@ class Stretches:
             usual &= np.isfinite(u).all(axis=1)
         with np.errstate(invalid="ignore"):
             steps = np.diff(t, prepend=np.nan)
-            # the matrices of a step depend on its length, rounded, and on the size of its times
-            same = np.zeros(count, bool)
-            same[1:] = np.frexp(t[1:])[1] == np.frexp(t[:-1])[1]
             usual &= steps > 0
+        # the matrices of a step depend on its length, rounded, and on the size of its times
+        lengths, exponents = shared_lengths(np.where(usual, steps, 0.0), np.where(usual, t, 1.0))
+        same = np.zeros(count, bool)
+        same[1:] = (exponents[1:] == exponents[:-1]) & (lengths[1:] == lengths[:-1])
         breaks = np.append(np.flatnonzero(~(usual & same)), count)
         ends = breaks[np.searchsorted(breaks, np.arange(count), side="right")]
         return np.where(usual, ends, np.arange(count))

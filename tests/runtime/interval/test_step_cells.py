@@ -23,7 +23,7 @@ from obsdesign.runtime.clocks.time_stamps import length_error
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.interval.step_kernels import KernelsOfStep, StepKernels
-from obsdesign.runtime.step_cache import shared_length
+from obsdesign.runtime.step_cache import shared_length, shared_lengths
 from tests.runtime.interval.test_samples import sampled_observer
 from tests.systems.interval_runs import observer_for
 
@@ -290,6 +290,28 @@ def test_the_short_way_gives_the_numbers_of_the_general_one() -> None:
         state, row = general.step(state._replace(is_usual=False), sample)
         assert np.array_equal(bounds, np.concatenate([row.lower, row.upper]))
     assert taken == 39
+
+
+def test_a_record_at_once_has_the_bounds_of_its_rows() -> None:
+    samples = [Sample(0.0, np.zeros(1)), *irregular(np.random.default_rng(9), 80)]
+    start = samples[-1].t
+    samples += [Sample(start + 0.125 * k, np.zeros(1)) for k in range(1, 41)]
+    samples += [
+        each._replace(t=each.t + start + 6.0) for each in irregular(np.random.default_rng(4), 30)
+    ]
+    t, y = np.array([each.t for each in samples]), np.array([each.y for each in samples])
+    batch = at_rest().run_batch(t, y, lower=-np.ones(3), upper=np.ones(3))
+    got = np.hstack([batch.lower, batch.upper])
+    assert np.array_equal(got, rows(at_rest(), samples))
+
+
+@pytest.mark.parametrize("start", [0.0, 3.0, 1.7e9])
+def test_lengths_of_a_record_are_those_of_its_steps(start: float) -> None:
+    times = np.array(list(stamps(np.random.default_rng(6), start, 1.0)))
+    steps = np.diff(times, prepend=start)
+    lengths, _ = shared_lengths(steps, times)
+    each = [shared_length(h, t)[0] for h, t in zip(steps.tolist(), times.tolist(), strict=True)]
+    assert lengths.tolist() == each
 
 
 def test_threads_may_share_an_observer() -> None:
