@@ -1,1 +1,1 @@
-"""A program that proves designs again, copied with them; nothing imports it."""
+"""Programs that prove designs again, copied with them; nothing imports them."""

@@ -170,6 +170,17 @@ def check_lists(value: Any, is_entry: bool = False) -> None:
             check_lists(entry, isinstance(value, list))
 
 
+def check_options(value: Any) -> None:
+    """Difference unless lists inside of options hold numbers, or such lists."""
+    if isinstance(value, dict):
+        for entry in value.values():
+            check_options(entry)
+    elif isinstance(value, list):
+        for entry in value:
+            demand(type(entry) in (int, float, list) and entry != [], "an option has no numbers")
+            check_options(entry)
+
+
 def keys_once(items: List[Tuple[str, Any]]) -> Table:
     """A table of the file, whose keys must differ."""
     demand(len(dict(items)) == len(items), "a key stands twice in a table")
@@ -191,6 +202,7 @@ class Design:
         demand(is_design and body["kind"] in ("interval", "luenberger"), "no design of these kinds")
         self.kind = body["kind"]
         check_sizes(body["problem"])
+        check_options(body["problem"]["observer"])
         check_lists([claim["evidence"] for claim in body["claims"]])
         problem = block(body["problem"], "problem", BLOCKS["problem"], sizes)
         is_named = type(body["name"]) is str and body["name"] == problem["name"]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prove again that a plant with uncertain parameters is stable by itself, from its design file.
+"""Prove again from a design file that a plant with uncertain parameters is stable by itself.
 
     python3 -I -S check_uncertain.py design.json          ("-" reads standard input)
 
