@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.exponential import exponential_grid
+from obsdesign.runtime.impulsive_input.plant import HeldPlant
 from obsdesign.runtime.state_marks import Inputs, Past, Square, States
 
 # of |C| |x| after an impulse: an output that shows less shows rounding
 _LEAST_SHOWN = 1e-9
+_AGES = 64  # of a window, at which states are looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,3 +46,16 @@ def impulse_sizes(C: Matrix, states: Matrix, outputs: Matrix) -> Matrix:
     reached = shown > 0
     weights = np.where(reached, outputs[:, None], 0.0) / np.where(reached, shown, 1.0)
     return np.asarray((np.abs(states) * weights.max(axis=0)).max(axis=(0, 2)))
+
+
+def initial_sizes(plant: HeldPlant, tau: float, outputs: Matrix) -> Matrix:
+    """States (n,) at first that may leave outputs of sizes (p,) within a time tau.
+
+    As large as an impulse leaves them, or as each of them shows by itself: a bias of a sensor or a
+    constant feed is reached by no impulse. Zero of those that no output shows but for rounding.
+    """
+    flows = exponential_grid(plant.A, 0.0, tau / _AGES, _AGES + 1)
+    shown = largest_outputs(plant.C, flows)
+    alone = np.where(shown > 0, outputs[:, None], 0.0) / np.where(shown > 0, shown, 1.0)
+    sizes = impulse_sizes(plant.C, flows @ plant.H, outputs)
+    return np.asarray(np.maximum(alone.max(axis=0), sizes))

@@ -118,8 +118,8 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
         """State at time t from a guess of x(t), before the first sample.
 
         covariance: (n, n) of that guess, used by `gls`; by default that of `initial_std` of the
-        design, and without it taken from the data of the first window, as an impulse that would
-        explain their range (operator `samples`: the first sample).
+        design, and without it taken from the data of the first window: states that would explain
+        their range, those of an impulse or each by itself.
         """
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         if not np.isfinite(guess).all():

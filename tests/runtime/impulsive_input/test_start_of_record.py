@@ -92,3 +92,54 @@ def test_deviations_of_the_plain_norm_hold_what_is_left_of_the_state_at_first(
         assert abs(event.t - moment) < 4 * event.t_std
         assert abs(event.weights[0] - weight) < 4 * event.weights_std[0]
     assert events[-1].weights_std[0] < 0.1
+
+
+SPRING = {"A": [[0, 1], [-0.9, -0.4]], "H": [[0], [1]], "C": [[1, 0]]}
+BIASED = {"A": [[-1, 0, 0], [1, -0.5, 0], [0, 0, 0]], "H": [[1], [0], [0]], "C": [[0, 1, 1]]}
+FED = {"A": [[-1, 0, 1], [1, -0.5, 0], [0, 0, 0]], "H": [[1], [0], [0]], "C": [[0, 1, 0]]}
+
+
+def sampled_record(
+    plant: dict[str, Any], state: list[float], noise: float, missing: int = 0
+) -> tuple[list[Any], Any, list[Any]]:
+    """(rows, true states, events): impulses of 1 at t = 12.03 and 19.44, operator `samples`."""
+    A, H, C = (np.array(plant[name], dtype=float) for name in "AHC")
+    body = {
+        "flow": {"A": A.tolist()}, "jump": {"H": H.tolist(), "dwell_time": [6, math.inf]},
+        "output": {"C": C.tolist(), "measured": "periodic", "period": 0.1, "noise_std": [noise]},
+        "observer": {"kind": "impulsive_input", "operator": "samples"},
+    }  # fmt: skip
+    t, rng = np.round(0.1 * np.arange(250), 1), np.random.default_rng(0)
+    x = record(A, H, [(12.03, 1.0), (19.44, 1.0)], t, state)
+    y = x @ C.T
+    y = y + noise * rng.standard_normal(y.shape)
+    y[1 : missing + 1] = np.nan
+    rows = rows_from(observer_of(body), t, y)
+    return rows, x, events_of(rows)
+
+
+@pytest.mark.parametrize("missing", [0, 6])
+@pytest.mark.parametrize(
+    "state", [[0.0, 0.5], [-0.02, 0.5], [0.03, 0.5], [0.0, -0.5], [-0.5, 0.0]], ids=str
+)
+def test_a_record_that_begins_where_y_crosses_zero_begins_with_no_impulse(
+    state: list[float], missing: int
+) -> None:
+    _, _, events = sampled_record(SPRING, state, 0.002, missing)
+    sure = [event for event in events if abs(event.weights[0]) > 5 * event.weights_std[0]]
+    assert [round(event.t) for event in sure] == [12, 19]
+    assert all(abs(event.weights[0] - 1) < 4 * event.weights_std[0] for event in sure)
+
+
+@pytest.mark.parametrize(
+    ("plant", "state"),
+    [(BIASED, [0.0, 0.0, 1.0]), (FED, [0.0, 0.0, 0.3]), (FED, [0.3, 0.6, 0.3])],
+    ids=["bias", "feed", "steady feed"],
+)
+def test_a_state_that_no_impulse_reaches_is_not_taken_as_known(
+    plant: dict[str, Any], state: list[float]
+) -> None:
+    rows, x, events = sampled_record(plant, state, 0.01)
+    sure = [event for event in events if abs(event.weights[0]) > 5 * event.weights_std[0]]
+    assert [(round(event.t), event.status) for event in sure] == [(12, "ok"), (19, "ok")]
+    assert np.abs(rows[-1].x - x[-1]).max() < 0.05

@@ -15,12 +15,13 @@ from obsdesign.equations.impulsive_input.features import window_taps
 from obsdesign.runtime.impulsive_input import whitening
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History, short_dwell
-from obsdesign.runtime.impulsive_input.initial import impulse_sizes
+from obsdesign.runtime.impulsive_input.initial import impulse_sizes, initial_sizes
 from obsdesign.runtime.impulsive_input.integral import covariance, noise_level, recursions
 from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
 from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, Search, smoothed
-from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine, _event
+from obsdesign.runtime.impulsive_input.samples.engine import _event
 from obsdesign.runtime.impulsive_input.samples.filter import triangular
+from obsdesign.runtime.impulsive_input.samples.open_rows import OpenRows
 from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
 
 TAPS = window_taps(np.array([-2.0, -0.5, 1.0]), np.linspace(0, 1.5, 16))
@@ -206,20 +207,41 @@ FIRST = np.array([[1.0, 0.0]])
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "size"), [([0.0, 0.0], 6.0, 6.0), ([4.0, 0.0], 6.0, 3.0), ([-4.0, 0.0], 6.0, 10.0)]
+    ("x", "y", "size"),
+    [
+        ([0, 0], [6], 6),
+        ([4, 0], [6], 2),
+        ([-4, 0], [6], 10),
+        ([0, 0], [0, 6], 6),
+        ([0, 0], [6, 8], 8),
+    ],
 )
-def test_a_first_guess_is_as_wide_as_an_impulse_that_explains_the_sample(
-    x: list[float], y: float, size: float
+def test_a_first_guess_is_as_wide_as_states_that_explain_the_range_of_y(
+    x: list[float], y: list[float], size: float
 ) -> None:
-    engine: Any = SimpleNamespace(
-        gains=SimpleNamespace(C=FIRST), states=STATES, outputs=np.array([1.0])
+    """x1'' = -x1, y = x1, of half a turn in the window."""
+    A = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    plant: Any = SimpleNamespace(A=A, C=FIRST, H=np.array([[0.0], [1.0]]))
+    rows: Any = OpenRows(
+        SimpleNamespace(C=FIRST, window=math.pi),  # type: ignore[arg-type]
+        SimpleNamespace(plant=plant, states=lambda ages: np.zeros((len(ages), 2))),  # type: ignore[arg-type]
     )
-    row: Any = SimpleNamespace(y=np.array([y]))
-    guess = SamplesEngine._guess(engine, np.array(x), row)
-    np.testing.assert_allclose(guess, [size, 3 * size], rtol=1e-12)
-    missing: Any = SimpleNamespace(y=None)
-    guess = SamplesEngine._guess(engine, np.array(x), missing)
-    np.testing.assert_allclose(guess, [0.5, 1.5], rtol=1e-12)
+    samples = [SimpleNamespace(y=np.array([each]), spread=np.array([0.01])) for each in y]
+    guess = rows._guess(np.array(x), [*samples, SimpleNamespace(y=None, spread=np.array([0.01]))])
+    np.testing.assert_allclose(guess, size + 0.01, rtol=1e-9)
+    guess = rows._guess(np.array(x), [SimpleNamespace(y=None, spread=np.array([0.01]))])
+    np.testing.assert_allclose(guess, 0.5, rtol=1e-9)
+
+
+def test_states_that_no_impulse_reaches_may_be_as_large_as_y_shows_them() -> None:
+    """A bias of the sensor, a constant feed; zero of what no output shows."""
+    A = np.zeros((4, 4))
+    A[0, 2] = 0.5  # a feed of x1
+    C = np.array([[1.0, 1.0, 0.0, 0.0]])
+    plant: Any = SimpleNamespace(A=A, C=C, H=np.eye(4)[:, :1])
+    sizes = initial_sizes(plant, 2.0, np.array([3.0]))
+    np.testing.assert_allclose(sizes, [3.0, 3.0, 3.0, 0.0], rtol=1e-12)
+    assert (initial_sizes(plant, 2.0, np.zeros(1)) == 0).all()
 
 
 def test_sizes_of_impulses_have_the_units_of_states_and_outputs() -> None:

@@ -5,21 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.exponential import exponential_grid
-from obsdesign.runtime.impulsive_input.initial import impulse_sizes
+from obsdesign.runtime.impulsive_input.initial import initial_sizes
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.whitening import USUAL_SHARE
 
 
 def first_covariance(run: FreeRun, y: Matrix, x: Matrix) -> Matrix:
-    """As wide as an impulse that would explain the range of y (rows, p) in the first window.
+    """As wide as states that would explain the range of y (rows, p) in the first window.
 
     x (n,): the estimate at its first row.
     """
-    C, count = run.gains.C, 64
-    states = exponential_grid(run.gains.A, 0.0, run.tau / count, count + 1) @ run.gains.H
-    ranges = np.ptp(y, axis=0) + np.abs(y[0] - C @ x)
-    return np.diag(impulse_sizes(C, states, ranges) ** 2)
+    ranges = np.ptp(y, axis=0) + np.abs(y[0] - run.gains.C @ x)
+    return np.diag(initial_sizes(run.plant, run.tau, ranges) ** 2)
 
 
 def propagated(run: FreeRun, P: Matrix, elapsed: float, times: Matrix, spread: Matrix) -> Matrix:

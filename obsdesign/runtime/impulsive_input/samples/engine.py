@@ -24,7 +24,6 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
@@ -36,20 +35,19 @@ from obsdesign.runtime.impulsive_input.event import (
     onset_statistics,
     with_event,
 )
-from obsdesign.runtime.impulsive_input.initial import Initial, impulse_sizes, largest_outputs
+from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.residuals import birge_ratio
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import Cells, Fit, OnsetModel
+from obsdesign.runtime.impulsive_input.samples.open_rows import OpenRows
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER, Refit
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady, SteadyInputs
 from obsdesign.runtime.impulsive_input.significance import LEAST_ADVANTAGE, least_ratio
-from obsdesign.runtime.impulsive_input.whitening import noise_deviation, noise_level
 from obsdesign.runtime.status import status_of
 
 _CLOSED_INTERVALS = 0.3  # intervals before the end of a window in which no onset is looked for
 _MOST_BEFORE = 512  # rows before a window that are kept
-_AGES = 64  # of an impulse in a window, at which its states are looked at
 _LEAST_TAIL_SAMPLES = 2  # samples of an incomplete window at the end of a record
 
 
@@ -66,20 +64,9 @@ class SamplesEngine:
         return cls(gains, OnsetModel(SampledPlant.from_gains(gains), bool(gains.nonnegative)))
 
     @cached_property
-    def states(self) -> Matrix:
-        """What an impulse of weight 1 leaves in a window, (k, n, 1)."""
-        ages = np.linspace(0.0, self.gains.window, _AGES + 1)
-        return self.model.states(ages)[:, :, None]
-
-    @cached_property
-    def outputs(self) -> Matrix:
-        """The largest outputs of it, (p,): units in which outputs are of like size.
-
-        Of an output that no impulse reaches: its largest coefficient.
-        """
-        shown, C = largest_outputs(self.gains.C, self.states)[:, 0], self.gains.C
-        units = np.where(shown > 0, shown, np.abs(C).max(axis=1))
-        return np.where(units > 0, units, 1.0)
+    def open_rows(self) -> OpenRows:
+        """How rows come in."""
+        return OpenRows(self.gains, self.model)
 
     @property
     def least_ratio(self) -> float:
@@ -95,19 +82,15 @@ class SamplesEngine:
         """After further rows; a window is evaluated once it is complete."""
         decided: list[Estimate] = []
         for k in range(len(t)):
-            measured = bool(np.isfinite(y[k]).all())
-            level = np.abs(y[k]) if measured else np.zeros(self.gains.p)
             if isinstance(live, Initial):
-                x = self._free(live, float(t[k]))
-                level = np.maximum(level, np.abs(self.gains.C @ x))
-                live = self._begun(live, self._row(float(t[k]), y[k], u[k], level), level)
+                live = self.open_rows.begun(live, float(t[k]), y[k], u[k])
                 continue
-            live = self._scaled(live, np.maximum(live.level, level))
-            row = self._row(float(t[k]), y[k], u[k], live.level)
+            live = self.open_rows.scaled(live, y[k])
+            row = self.open_rows.row(float(t[k]), y[k], u[k], live.level)
             while len(live.rows) > 1 and row.t > self._end(live, row.t):
                 live, rows = self._evaluated(live)
                 decided += rows
-            live = self._appended(live, row)
+            live = self.open_rows.appended(live, row)
             if row.t >= self._end(live, row.t, -1.0):
                 live, rows = self._evaluated(live)
                 decided += rows
@@ -128,58 +111,6 @@ class SamplesEngine:
             estimates += rows
         estimates += [self._estimate(live, at.row, at.x, is_open=True) for at in live.rows]
         return tuple(estimates)
-
-    def _row(self, t: float, y: Matrix, u: Matrix, level: Matrix) -> Row:
-        """A row with its deviations; level (p,): largest outputs so far."""
-        if not np.isfinite(y).all():
-            return Row(t, None, u, self.gains.noise_std)
-        level = self.outputs * noise_level(level / self.outputs)
-        return Row(t, y, u, noise_deviation(self.gains, y, level, np.abs(y)))
-
-    def _scaled(self, live: SampledLive, level: Matrix) -> SampledLive:
-        """The state with another level; open rows at rest get their noise from the first one."""
-        if live.level.any() or not level.any():
-            return replace(live, level=level)
-        first, *later = live.rows
-        live = replace(
-            live, rows=(first,), cells=Cells.empty(len(first.x)), before=(), level=level,
-            steady=SteadyInputs.begin(first),
-        )  # fmt: skip
-        for at in later:
-            y = np.full(len(level), np.nan) if at.row.y is None else at.row.y
-            live = self._appended(live, self._row(at.row.t, y, at.row.u, level))
-        return live
-
-    def _free(self, initial: Initial, t: float) -> Matrix:
-        """The guess of the state at a time."""
-        plant = self.model.plant
-        return plant.free(initial.t, initial.x, plant.forcing(initial.u), t)
-
-    def _begun(self, initial: Initial, row: Row, level: Matrix) -> SampledLive:
-        """The state at the first row."""
-        plant, P, x = self.model.plant, initial.covariance, self._free(initial, row.t)
-        factor = np.diag(self._guess(x, row)) if P is None else square_root(P)
-        at = plant.start(initial.t, initial.x, factor, initial.u, row)
-        return SampledLive(
-            rows=(at,),
-            cells=Cells.empty(len(x)),
-            steady=SteadyInputs.begin(at),
-            level=level,
-            first=row.t,
-        )
-
-    def _guess(self, x: Matrix, row: Row) -> Matrix:
-        """Deviations of a first guess: an impulse as large as the first measurement."""
-        y, C = row.y, self.gains.C
-        size = self.outputs / 2 if y is None else np.maximum(np.abs(y) / 2, np.abs(y - C @ x))
-        return impulse_sizes(C, self.states, size)
-
-    def _appended(self, live: SampledLive, row: Row) -> SampledLive:
-        """One more row in the window."""
-        last = live.rows[-1]
-        at = self.model.plant.after(last, row)
-        cells = self.model.gridded(live.cells.after(at), last.row.t, self.gains.sample_period)
-        return replace(live, rows=(*live.rows, at), cells=cells)
 
     def _end(self, live: SampledLive, t: float, sign: float = 1.0) -> float:
         """End of the window, with the tolerance of a stamp t on one side or (sign) the other.
@@ -205,6 +136,7 @@ class SamplesEngine:
         self, live: SampledLive, provisional: bool = False
     ) -> tuple[SampledLive, list[Estimate]]:
         """Fire, or go on by one row."""
+        live = self.open_rows.opened(live)
         first, second = live.rows[:2]
         period = self.gains.sample_period
         interval = max(second.row.t - first.row.t, period)
@@ -226,6 +158,7 @@ class SamplesEngine:
         return replace(
             live,
             rows=live.rows[1:],
+            guess=self.open_rows.guess_after(live),
             cells=live.cells.without_first(),
             before=(*live.before[cut:], first),
             history=replace(live.history, residuals=residuals),

@@ -9,7 +9,7 @@ from obsdesign.runtime.impulsive_input.residuals import Residuals
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered
 from obsdesign.runtime.impulsive_input.samples.onset import Cells
 from obsdesign.runtime.impulsive_input.samples.steady_input import SteadyInputs
-from obsdesign.runtime.state_marks import Outputs, Past
+from obsdesign.runtime.state_marks import Outputs, Past, States
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,8 @@ class SampledLive:
     it, none of them before a restart, where a refit may begin: from the shortest dwell time before
     the window's end on, at least one period. steady: explanations of the samples without impulses.
     level: largest |y| so far. first: time of the record's first row, the phase of
-    periodic samples.
+    periodic samples. guess: the state at the first open row before any sample, while the deviations
+    of it are still to be taken from a window.
     """
 
     rows: tuple[Filtered, ...]
@@ -29,6 +30,7 @@ class SampledLive:
     level: Outputs
     first: Past
     before: tuple[Filtered, ...] = ()
+    guess: States | None = None
     history: History = field(default_factory=History)
 
     def residuals_with(self, rows: tuple[Filtered, ...]) -> Residuals:
