@@ -35,7 +35,7 @@ from obsdesign.runtime.step_cache import cached_step
 
 _REACHES = REACH**EXPONENTS
 # part of an entry that series may lose by being short
-_NEGLIGIBLE = 2.0**-47
+_NEGLIGIBLE = 2.0**-45
 # smaller coefficients are rounding or underflow, and slow to multiply with
 _SMALLEST = 1e-200
 # in place of 0 where a logarithm is taken
