@@ -52,9 +52,12 @@ def shared_step(
     result (`obsdesign.runtime.clocks.time_stamps`); it is zero for h = 0 alone.
     """
     length, half = shared_length(h, size)
-    error = half + length_error(length, size) if h else 0.0
     key = (length, math.frexp(size)[1])
-    return cached_step(cache, key, lambda _: build(length, error))
+    try:
+        return cache[key]
+    except KeyError:
+        error = half + length_error(length, size) if h else 0.0
+        return cached_step(cache, key, lambda _: build(length, error))
 
 
 def shared_length(h: float, size: float) -> tuple[float, float]:
