@@ -148,6 +148,18 @@ def test_barely_positive_and_barely_not(rng: np.random.Generator) -> None:
             assert not check.is_positive(check.Ball([[a, c], [c, b]], 0)) or c * c < a * b
 
 
+def test_signs_and_comparisons() -> None:
+    two, three = check.ball([[Fraction(2)]]), check.ball([[Fraction(3)]])
+    minus = two.scaled(Fraction(-1))
+    assert check.is_positive(two)
+    assert not check.is_positive(minus)
+    assert check.is_negative(minus)
+    assert not check.is_negative(two)
+    assert check.is_less(two, three)
+    assert not check.is_less(three, two)
+    assert not check.is_less(two, two)
+
+
 def test_factors_are_certified_and_near_the_least() -> None:
     for value in (Fraction(3), Fraction(1, 777), Fraction(10**9)):
         X, Y = check.ball([[value]]), check.ball([[Fraction(1)]])

@@ -156,7 +156,7 @@ def mutated(document: dict[str, Any], rng: np.random.Generator) -> tuple[dict[st
     texts = []
     for _ in range(int(rng.choice([1, 1, 1, 2, 3]))):
         roots = [result["problem"], result["gains"]]
-        roots += [evidence[name] for name in SCOPE & set(evidence) - {"consistent"}]
+        roots += [evidence[name] for name in sorted(SCOPE & set(evidence) - {"consistent"})]
         root = roots[int(rng.integers(len(roots)))]
         places = list(leaves(root))
         if not places:
