@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.late_rows import Arrival, LateRows, received
 
 Remark = Callable[[str], None]
+
+
+class BadLine(NamedTuple):
+    """A line that cannot be taken: why, its number, its time (NaN where that cannot be read).
+
+    is_first: is it the first line of a record?
+    """
+
+    reason: str
+    number: int
+    t: float = math.nan
+    is_first: bool = False
+
+
+Skip = Callable[[BadLine], None]
 
 _SILENCE = "a row that is left out counts as silence of a sensor with sends_on_change"
 
@@ -20,8 +37,9 @@ class Arrivals:
 
     buffer: those that an earlier row may still precede; is_stream: lines come in the order of
     arrival, whatever a column `received` says; remark: called with a sentence for each row that
-    comes too late, which is left out; note: with that row; watch: called with each arrival;
-    is_first: is it the first part of a record? needs_all: may no row be left out?
+    comes too late, which is left out; note: with that row; watch: called with each arrival, once
+    the first row in time names its mode, one of `modes` (none where the mode is known); is_first:
+    is it the first part of a record? needs_all: may no row be left out?
     """
 
     buffer: LateRows
@@ -31,19 +49,20 @@ class Arrivals:
     is_first: bool = True
     needs_all: bool = False
     note: Callable[[Sample], None] | None = None
+    modes: Sequence[str] = ()
 
     def in_order(
         self,
         lines: Iterable[tuple[int, Sample]],
         name: str,
-        skip: Remark | None,
+        skip: Skip | None,
         *,
         has_stamps: bool,
     ) -> Iterator[Sample]:
         """Rows in the order of time, each once none before it can come; the others stay.
 
         lines: their numbers and samples. has_stamps: is there a column `received`? Without it rows
-        arrive in the order of lines. skip: called with a sentence for a second row of one time,
+        arrive in the order of lines. skip: called for a second row of one time,
         where rows may not share it, or of a time between two steps; without it that is an
         InputError, and so is a first part of which every row comes too late.
         InputError for a row that comes too late, or skip, where none may be left out.
@@ -59,7 +78,7 @@ class Arrivals:
             except ValueError as error:
                 if skip is None:
                     raise InputError(f"{name} line {number}: {error}") from None
-                skip(f"{name} line {number}: {error} Line {number} is skipped.")
+                skip(BadLine(f"{name} line {number}: {error}", number, sample.t))
                 continue
             if arrival is None and self.needs_all:
                 raise InputError(f"{name}: {self.buffer.reason_against(sample)[:-1]}: {_SILENCE}.")
@@ -70,8 +89,11 @@ class Arrivals:
                     self.note(sample)
                 continue
             taken += 1
-            if self.watch is not None:
+            if self.watch is not None and (arrival.samples[0].mode is not None or not self.modes):
                 self.watch(arrival)
+            if arrival.leaving:
+                self.require_mode(name)
+                self.modes = ()
             yield from self.buffer.settled()
         if self.is_first and delays and not taken:
             raise InputError(
@@ -80,7 +102,21 @@ class Arrivals:
                 "events and sensors stated?"
             )
 
+    def require_mode(self, name: str) -> None:
+        """InputError unless the first row in time names its mode, or the mode is known."""
+        if self.waiting:
+            require_mode(self.waiting[0], self.modes, name)
+
     @property
     def waiting(self) -> Sequence[Sample]:
         """Rows that an earlier one may still precede."""
         return self.buffer.samples
+
+
+def require_mode(sample: Sample, modes: Sequence[str], name: str) -> None:
+    """InputError unless the first row in time names its mode; modes: none where it is known."""
+    if modes and sample.mode is None:
+        raise InputError(
+            f"{name}: mode is required in the first row, that of t = {sample.t:.9g} "
+            f"({', '.join(modes)})."
+        )

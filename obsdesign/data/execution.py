@@ -13,7 +13,7 @@ from itertools import chain, combinations
 from pathlib import Path
 from typing import TextIO
 
-from obsdesign.data.arrivals import Arrivals, Remark
+from obsdesign.data.arrivals import Arrivals, Remark, Skip
 from obsdesign.data.csv_lines import OWN_TITLES
 from obsdesign.data.csv_text import estimate_header, estimate_line, event_line
 from obsdesign.data.late_run import (
@@ -66,23 +66,26 @@ def execute(
     record = _Record(layout, observer, stored, initial, name)
     refuse_late_rows(record.layout, observer, provisional)
     scale = TimeScale(signed.problem)
-    left_out = LeftOut(record.layout, observer, begins=stored is not None and stored.left_out)
-    record.check(data, left_out, skip_bad=skip_bad)
+    since = record.checked(data, skip_bad=skip_bad)
+    left_out = LeftOut(record.layout, observer, record.progress, since)
     with (
         _source(data) as stream, _writer(output) as out, _log(events, observer) as log,
-        provisional_lines(provisional, observer, stored, initial, live) as watch,
+        provisional_lines(
+            provisional, observer, stored, initial, mark=left_out.marked, live=live
+        ) as watch,
     ):  # fmt: skip
         arrivals = arrivals_of(record.layout, stored, remark, is_stream=live, watch=watch)
         arrivals.note = left_out.note
-        skip = left_out.skipping(arrivals, remark) if skip_bad else None
+        skip = left_out.skipping(remark) if skip_bad else None
         parts, rows = record.begun(stream, arrivals, skip=skip, remark=remarks.append)
         rows = scale.watched(left_out.watched(rows))
         estimates = parts.estimates(rows, live=live)
         if state is None:
             late = arrivals if record.layout.lag > 0 else None
             estimates = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
-        tally = _write(observer, left_out.marked(estimates), out, log, live=live)
-    _save(state, signed, replace(parts.progress, left_out=left_out.counts), arrivals)
+        tally = _write(observer, map(left_out.marked, estimates), out, log, live=live)
+    ended = replace(parts.progress, left_out=left_out.counts, in_force=left_out.in_force)
+    _save(state, signed, ended, arrivals)
     signs = [*_void(name, tally), *scale.remarks(name)]
     for text in [*_unproved(design, signed), *remarks, *signs]:
         remark(text)
@@ -99,22 +102,35 @@ class _Record:
     initial: Sequence[float] | None
     name: str
 
-    def check(self, data: str | None, left_out: LeftOut, *, skip_bad: bool) -> None:
-        """InputError, before anything is written, for a file that is no record; none is a pipe.
+    @property
+    def progress(self) -> Progress:
+        """Where the observer stands before the first line."""
+        start = None if self.initial is None else tuple(self.initial)
+        return Progress(None, initial=start) if self.stored is None else self.stored
 
-        What is left out of a file is known before its first estimate is written.
+    def checked(self, data: str | None, *, skip_bad: bool) -> float:
+        """Time behind which bounds miss a row of a file; infinity where none is known, of a pipe.
+
+        InputError, before anything is written, for a file that is no record.
         """
+        left_out = LeftOut(self.layout, self.observer, self.progress)
         if data is None:
-            return
+            return left_out.after
+        if Path(data).exists() and not (Path(data).is_file() or Path(data).is_dir()):
+            raise InputError(
+                f"{data}: a file is read twice, which is no regular file; leave DATA out and give "
+                "the rows on standard input."
+            )
         with _opened(data) as stream:
             arrivals = arrivals_of(self.layout, self.stored, discard)
             arrivals.note = left_out.note
-            skip = left_out.skipping(arrivals, discard) if skip_bad else None
+            skip = left_out.skipping(discard) if skip_bad else None
             _, rows = self.begun(stream, arrivals, skip=skip, remark=discard)
             deque(left_out.watched(rows), maxlen=0)
+        return left_out.after
 
     def begun(
-        self, stream: TextIO, arrivals: Arrivals, *, skip: Remark | None, remark: Remark
+        self, stream: TextIO, arrivals: Arrivals, *, skip: Skip | None, remark: Remark
     ) -> tuple[Stream, Iterator[Sample]]:
         """The observer before the first final sample, and all of these.
 
@@ -129,10 +145,10 @@ class _Record:
         if first is not None:
             progress = starting_progress(self.observer, stored, first, initial)
             return Stream(self.observer, progress), chain([first], samples)
+        arrivals.require_mode(self.name)
         if stored is None:
             self.observer.start(arrivals.waiting[0].t, initial)
-            stored = Progress(None, initial=None if initial is None else tuple(initial))
-        return Stream(self.observer, stored), iter(())
+        return Stream(self.observer, self.progress), iter(())
 
 
 def _to_the_end(

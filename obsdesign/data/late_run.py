@@ -37,13 +37,14 @@ def arrivals_of(
     """The order of rows that may be late, with those that wait since the last part."""
     is_first = stored is None
     stored = Progress(None) if stored is None else stored
+    modes = layout.modes if stored.state is None else ()
     waiting = [row.sample for row in stored.late]
     buffer = LateRows(
-        layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=stored.now,
+        layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=max(stored.now, stored.t),
         before=stored.t, dt=layout.dt, errors=() if layout.clocks is None else layout.clocks.errors,
     )  # fmt: skip
     needs_all = layout.clocks is not None and layout.clocks.needs_every_row
-    return Arrivals(buffer, remark, is_stream, watch, is_first, needs_all)
+    return Arrivals(buffer, remark, is_stream, watch, is_first, needs_all, modes=modes)
 
 
 def final_then_provisional(
@@ -61,9 +62,12 @@ def final_then_provisional(
 @contextmanager
 def provisional_lines(
     path: str | None, observer: Observer, stored: Progress | None,
-    initial: Sequence[float] | None, live: bool,
+    initial: Sequence[float] | None, *, mark: Callable[[Estimate], Estimate], live: bool,
 ) -> Iterator[Callable[[Arrival], None] | None]:  # fmt: skip
-    """Writes an arrival's provisional estimates to a file; None without one."""
+    """Writes an arrival's provisional estimates to a file; None without one.
+
+    mark: adds to a status what rows that were left out mean for it.
+    """
     if path is None:
         yield None
         return
@@ -72,7 +76,7 @@ def provisional_lines(
         file.write(estimate_header(observer.names) + "\n")
 
         def write(arrival: Arrival) -> None:
-            estimates = replay.revised(arrival).provisional
+            estimates = map(mark, replay.revised(arrival).provisional)
             file.writelines(estimate_line(each) + "\n" for each in estimates)
             if live:
                 file.flush()

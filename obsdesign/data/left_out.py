@@ -1,8 +1,9 @@
 """Rows of a record that are left out, and what later estimates say of it.
 
-A line that is no row, or a row that comes too late, may have held an event or a known input: the
-bounds of later rows are then those of another course. A row with measurements alone is a missing
-sample, which statuses name where it counts.
+A row acts beyond its own time where it holds an event, a known input, a mode or bounds of b, or is
+the first row, for which --initial is stated. Bounds behind such a row are those of another course
+where it is left out. A row with measurements alone is a missing sample, which statuses name where
+it counts.
 """
 
 from __future__ import annotations
@@ -11,61 +12,88 @@ import math
 from collections.abc import Iterator
 
 from obsdesign.column_names import pairs
-from obsdesign.data.arrivals import Arrivals, Remark
+from obsdesign.data.arrivals import BadLine, Remark, Skip
 from obsdesign.data.layout import Layout
+from obsdesign.errors import InputError
+from obsdesign.runtime.announced import opening
 from obsdesign.runtime.base import Estimate, Observer, Sample
+from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.status import Reason, with_reasons
 
-LEFT_OUT = Reason("a row was left out that may have held an event or an input")
+LEFT_OUT = Reason("a row was left out on which these bounds may depend")
 
 
 class LeftOut:
     """What was left out of a record so far, for an observer with bounds: others forget.
 
-    begins: was a row left out of an earlier part that may have held an event or an input?
+    progress: where an earlier part ended, or the numbers --initial of a record that begins; after:
+    time behind which bounds are known to miss a row.
     """
 
-    def __init__(self, layout: Layout, observer: Observer, *, begins: bool) -> None:
+    def __init__(
+        self, layout: Layout, observer: Observer, progress: Progress, after: float = math.inf
+    ) -> None:
         self._has_bounds = pairs(("x1",))[0] in observer.names
-        self._may_hold = layout.jump or layout.u > 0 or bool(layout.modes)
-        # an event may be earlier than its stamp; rows of a time act one after the other
+        self._may_act = layout.jump or layout.u > 0 or bool(layout.modes)
+        # an event may be earlier than its stamp
         self._early = 0.0 if layout.clocks is None else max(layout.clocks.errors, default=0.0)
-        self._may_repeat = layout.may_repeat
-        self._latest, self._after = -math.inf, -math.inf if begins else math.inf
+        # rows of a time act one after the other; where they may be late, the first ones are final
+        self._shares_time = layout.may_repeat and layout.lag == 0
+        self.in_force, self._latest = progress.in_force, progress.t
+        self._begins = self._has_bounds and progress.initial is not None
+        # times of the first row that is taken, and of the first one that is left out
+        self._first, self._lost = math.inf if self._begins else -math.inf, math.inf
+        self._after = -math.inf if progress.left_out else after
+
+    @property
+    def after(self) -> float:
+        """Time behind which bounds are known to miss a row; infinity where none is."""
+        return -math.inf if self._lost < self._first else self._after
 
     @property
     def counts(self) -> bool:
-        """Was any left out that may have held an event or an input?"""
-        return self._after < math.inf
+        """Was any left out on which bounds depend?"""
+        return self.after < math.inf
 
-    def skipping(self, arrivals: Arrivals, remark: Remark) -> Remark:
-        """A remark on a line that is skipped, which is noted."""
+    def skipping(self, remark: Remark) -> Skip:
+        """What happens to a bad line: a remark, and it is noted; the first row is not skipped."""
 
-        def skip(text: str) -> None:
-            if self._has_bounds and self._may_hold:
-                since = arrivals.buffer.now - arrivals.buffer.lag  # before, it would be too late
-                self._after = min(self._after, max(self._latest, since) - self._early)
-            remark(text)
+        def skip(line: BadLine) -> None:
+            if line.is_first and self._begins:
+                raise InputError(
+                    f"{line.reason} --skip-bad does not skip the first row, since --initial is "
+                    "stated for it."
+                )
+            self._lost = min(self._lost, line.t)  # which NaN does not change
+            if self._may_act or self.in_force.b is not None:
+                is_before = self._early > 0 or self._shares_time
+                self._mark(opening(self._latest, self._early) if is_before else self._latest)
+                if line.t <= self._latest:
+                    self._mark(opening(line.t, self._early))
+            remark(f"{line.reason} Line {line.number} is skipped.")
 
         return skip
 
     def note(self, sample: Sample) -> None:
         """A row came too late."""
-        held = sample.jump or sample.events or sample.u is not None or sample.mode is not None
-        if self._has_bounds and (held or sample.bounds is not None):
-            self._after = min(self._after, sample.t - self._early)
+        self._lost = min(self._lost, sample.t)
+        if sample.jump or sample.events or self.in_force.is_changed_by(sample):
+            self._mark(opening(sample.t, self._early))
+
+    def _mark(self, after: float) -> None:
+        """Bounds of later rows than this time miss a row."""
+        if self._has_bounds:
+            self._after = min(self._after, after)
 
     def watched(self, samples: Iterator[Sample]) -> Iterator[Sample]:
         """The rows that are taken."""
         for sample in samples:
-            self._latest = sample.t
+            self._latest, self._first = sample.t, min(self._first, sample.t)
+            self.in_force = self.in_force.following(sample)
             yield sample
 
-    def marked(self, estimates: Iterator[Estimate]) -> Iterator[Estimate]:
-        """The estimates, those behind a row that was left out with that reason."""
-        for estimate in estimates:
-            if estimate.t > self._after or (self._may_repeat and estimate.t == self._after):
-                status = with_reasons(estimate.status, [LEFT_OUT])
-                yield estimate._replace(status=status)
-            else:
-                yield estimate
+    def marked(self, estimate: Estimate) -> Estimate:
+        """The estimate, with that reason behind a row that was left out."""
+        if estimate.t <= self.after:
+            return estimate
+        return estimate._replace(status=with_reasons(estimate.status, [LEFT_OUT]))

@@ -17,7 +17,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from obsdesign.column_names import MODE, RECEIVED, numbered
-from obsdesign.data.arrivals import Arrivals, Remark
+from obsdesign.data.arrivals import Arrivals, BadLine, Remark, Skip, require_mode
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.csv_lines import cells_of, columns_titled, lines_of
@@ -38,7 +38,7 @@ def read_samples(
     *,
     after: float = -math.inf,
     remark: Remark = discard,
-    skip: Remark | None = None,
+    skip: Skip | None = None,
     arrivals: Arrivals | None = None,
 ) -> Iterator[Sample]:
     """Samples of a CSV file or pipe, checked row by row; one row is one line.
@@ -55,22 +55,31 @@ def read_samples(
     if skip is not None and header.bounds is not None:
         header = replace(header, bounds=header.bounds.where_lines_are_skipped(name, remark))
     header.remark_on_unused(remark)
-    rows = _rows(lines, header, after, skip)
+    begins = after == -math.inf if arrivals is None else arrivals.is_first
+    rows = _rows(lines, header, after, skip, begins=begins)
     if not header.may_be_late:
         yield from (sample for _, sample in rows)
         return
     if arrivals is None:
-        yield from sorted((sample for _, sample in rows), key=lambda sample: sample.t)
+        samples = sorted((sample for _, sample in rows), key=lambda sample: sample.t)
+        require_mode(samples[0], layout.modes, name)
+        yield from samples
     else:
         yield from arrivals.in_order(rows, name, skip, has_stamps=RECEIVED in header.places)
 
 
 def _rows(
-    lines: Iterator[tuple[int, str]], header: _Header, after: float, skip: Remark | None
+    lines: Iterator[tuple[int, str]],
+    header: _Header,
+    after: float,
+    skip: Skip | None,
+    *,
+    begins: bool,
 ) -> Iterator[tuple[int, Sample]]:
     """Numbers of the lines behind a header, and their samples, as they stand there.
 
-    InputError without any row, but for a later part in which all are skipped.
+    begins: is it the first part of a record? InputError without any row, but for a later part in
+    which all are skipped.
     """
     previous, rows, skipped = -math.inf if header.may_be_late else after, 0, 0
     for number, line in lines:
@@ -79,17 +88,17 @@ def _rows(
             cells = cells_of(line, where, header.name)
             if not cells or all(not cell.strip() for cell in cells):
                 continue
-            is_first = not rows and after == -math.inf
+            is_first = begins and not rows
             sample = header.sample(cells, where, previous, is_first=is_first)
         except InputError as error:
             if skip is None:
                 raise
-            skip(f"{error} Line {number} is skipped.")
+            skip(BadLine(str(error), number, header.time(line), begins and not rows))
             skipped += 1
             continue
         previous, rows = -math.inf if header.may_be_late else sample.t, rows + 1
         yield number, sample
-    if not rows and not (skipped and after > -math.inf):
+    if not rows and (begins or not skipped):
         raise InputError(
             f"{header.name}: at least one row of data is required; there is only a header."
         )
@@ -124,6 +133,14 @@ class _Header:
         """May a row arrive after rows of later times?"""
         return self.layout.lag > 0 or RECEIVED in self.places
 
+    def time(self, line: str) -> float:
+        """The time of a line that is no row; NaN where it cannot be read."""
+        try:
+            t = number_in(cells_of(line, "", ""), self.places, "t", "")
+        except (InputError, IndexError):
+            return math.nan
+        return math.nan if t is None else t
+
     def sample(self, cells: list[str], where: str, previous: float, *, is_first: bool) -> Sample:
         """The sample of a line; InputError if it is none, or not after the time `previous`."""
         if len(cells) != len(self.titles):
@@ -133,7 +150,7 @@ class _Header:
                 f"got {len(cells)}.{hint}"
             )
         sample = _sample(cells, self.places, self.layout, where)
-        if self.layout.modes and sample.mode is None and is_first:
+        if self.layout.modes and sample.mode is None and is_first and not self.may_be_late:
             known = ", ".join(self.layout.modes)
             raise InputError(f"{where}: mode is required in the first row ({known}).")
         if self.bounds is not None and self.bounds.titles:

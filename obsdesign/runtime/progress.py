@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Value
+from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.runtime.base import Row, Sample, Vector
 from obsdesign.runtime.bounds import Bounds
-from obsdesign.runtime.state_marks import Inputs, Measured, MeasuredRow
+from obsdesign.runtime.state_marks import Inputs, Measured, MeasuredRow, Past
 
 
 class WaitingRow(NamedTuple):
@@ -57,6 +57,43 @@ class WaitingRow(NamedTuple):
                       self.mode)  # fmt: skip
 
 
+class InForce(NamedTuple):
+    """What holds until a row changes it: u (m,), bounds (lower, upper) of b, the mode.
+
+    since: time of the last change; b: None as declared, is_narrowed: was it ever narrower?
+    """
+
+    since: Past = -math.inf
+    u: Inputs | None = None
+    b: tuple[Vector, Vector] | None = None
+    mode: str | None = None
+    is_narrowed: bool = False
+
+    def following(self, sample: Sample) -> InForce:
+        """What holds from a row on; this itself if the row changes nothing."""
+        pair = None if sample.bounds is None else sample.bounds.b
+        if sample.u is None and sample.mode is None and pair is None and self.b is None:
+            return self
+        u = self.u if sample.u is None else np.asarray(sample.u, float)
+        b = None if pair is None else (np.asarray(pair[0], float), np.asarray(pair[1], float))
+        mode = self.mode if sample.mode is None else sample.mode
+        pairs = ((u, self.u), (b, self.b))
+        if mode == self.mode and all(np.array_equal(_table(x), _table(old)) for x, old in pairs):
+            return self
+        return InForce(float(sample.t), u, b, mode, self.is_narrowed or b is not None)
+
+    def is_changed_by(self, sample: Sample) -> bool:
+        """Is something else in force behind an earlier row than without it, as far as is known?"""
+        if sample.t >= self.since:
+            return self.following(sample) is not self
+        return sample.u is not None or sample.mode is not None or self.is_narrowed
+
+
+def _table(values: Value) -> Matrix:
+    """Values as an array; an empty one for None."""
+    return np.zeros(0) if values is None else np.asarray(values, float)
+
+
 @dataclass(frozen=True)
 class Progress:
     """The state of an observer, and rows (t, y, u) since then that are taken again.
@@ -64,7 +101,7 @@ class Progress:
     state: None before the first row, which begins with the numbers `initial`. given: number of
     estimates of these rows that were written already. late: rows behind them that an earlier one
     may still precede, in the order of time; now: time of the last arrival. left_out: was a row left
-    out that may have held an event or an input?
+    out on which bounds depend? in_force: what holds behind the last row that was taken.
     """
 
     state: Value
@@ -74,6 +111,7 @@ class Progress:
     now: float = -math.inf
     initial: tuple[float, ...] | None = None
     left_out: bool = False
+    in_force: InForce = field(default_factory=InForce)
 
     @property
     def t(self) -> float:

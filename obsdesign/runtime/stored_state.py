@@ -30,7 +30,7 @@ from obsdesign.runtime.state_checks import StateEntries, check_times_of_list, wr
 from obsdesign.runtime.status import VOID_SINCE
 
 FORMAT = "obsdesign/state"
-VERSION = 7
+VERSION = 8
 _KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _DTYPES: Entries = {"float": np.float64, "int": np.int64, "bool": np.bool_}

@@ -123,7 +123,7 @@ def _field(place: int, value: Any) -> Any:
         (_field(5, "x"), "initial must be"),
         (lambda body: body["progress"][3][0].__setitem__("t", -5.0), "late[0].t must be"),
         (lambda body: body["progress"][3][0].__setitem__("bounds", [None] * 4), "b, c and v"),
-        (lambda body: body["progress"].pop(), "progress must be a list of 7"),
+        (lambda body: body["progress"].pop(), "progress must be a list of 8"),
         (
             lambda body: body["progress"][3].append(body["progress"][3][-1] | {"events": [7]}),
             "not a state of this design",
