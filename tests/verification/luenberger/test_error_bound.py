@@ -16,7 +16,8 @@ from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.known_inputs import LARGE_U, LARGE_W
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
-from obsdesign.workflow import Outcome, investigate, verify
+from obsdesign.workflow import Outcome, verify
+from tests.systems.designs import designed, investigated
 from tests.systems.parameters import Body
 
 
@@ -48,19 +49,8 @@ def kicked(**entries: Any) -> Body:
     return spring(jump=jump, **entries)
 
 
-def outcome(body: Body) -> Outcome:
-    return investigate(Problem.from_dict(body))
-
-
 def bound(result: Outcome) -> Claim:
     return next(claim for claim in result.claims if claim.id == "error_bound")
-
-
-def designed(body: Body) -> Design:
-    result = outcome(body)
-    assert result.verdict == "proved"
-    assert result.design is not None
-    return result.design
 
 
 def stored(body: Body) -> Design:
@@ -83,14 +73,14 @@ def evidence_of(body: Body, name: str = "error_bound") -> Body:
 )
 def test_numbers_of_the_spring(L: tuple[float, float], expected: tuple[float, float]) -> None:
     """Sum over columns of int |e^(Fs) E| ds, here by the midpoint rule."""
-    always = bound(outcome(spring(L))).evidence["always"]
+    always = bound(investigated(spring(L))).evidence["always"]
     assert always == pytest.approx(expected, rel=2e-3)
     assert (np.array(always) > np.array(expected) * (1 - 1e-3)).all()
 
 
 def test_an_attaining_disturbance_comes_close_to_the_bound() -> None:
     """The worst signs of parameter, disturbance and noise, computed backwards from the end."""
-    always = bound(outcome(spring((2.0, -1.0)))).evidence["always"]
+    always = bound(investigated(spring((2.0, -1.0)))).evidence["always"]
     step, count = 1e-3, 30_000
     F = np.array([[-2.0, 1.0], [0.0, -0.4]])
     E = np.array([[0.0, 0.0, -0.02], [0.24, 0.05, 0.01]])
@@ -118,7 +108,7 @@ def test_the_inequality_gives_the_gain_of_the_theory() -> None:
     assert gain.bound == pytest.approx(0.1721, rel=1e-3)
     assert better.bound == pytest.approx(0.1316, rel=1e-3)
     # the bound is of every state at once: those by states are smaller
-    always = bound(outcome(spring((7.084, 19.777)))).evidence["always"]
+    always = bound(investigated(spring((7.084, 19.777)))).evidence["always"]
     assert max(always) < gain.bound
     assert peak_gain(system, 1e9) is None
 
@@ -126,29 +116,31 @@ def test_the_inequality_gives_the_gain_of_the_theory() -> None:
 @pytest.mark.parametrize("body", [spring(), kicked()], ids=["flow", "kicked"])
 def test_open_gains_are_those_of_the_least_proved_bound(body: Body) -> None:
     units = np.array([1.2, 3])
-    result = outcome(body)
+    result = investigated(body)
     assert "searched" in result.result["form"]
     cost = (np.array(bound(result).evidence["always"]) / units).sum()
     for L in ((13.9, 59.2), (7.09, 19.8), (2.0, -1.0)):
         given = spring(L, jump=body["jump"]) if "jump" in body else spring(L)
-        assert cost < (np.array(bound(outcome(given)).evidence["always"]) / units).sum() * 1.001
+        assert (
+            cost < (np.array(bound(investigated(given)).evidence["always"]) / units).sum() * 1.001
+        )
 
 
 def test_other_units_of_the_file_give_the_same_bound() -> None:
     body = spring()
-    metres = np.array(bound(outcome(body)).evidence["always"])
+    metres = np.array(bound(investigated(body)).evidence["always"])
     body["flow"]["A"] = [[0, 1e-3], [0, -0.4]]
     body["flow"]["disturbance"] = {"lower": [0, -50], "upper": [0, 50]}
     body["parameter"][0]["A"] = [[0, 0], [-1000, 0]]
     body["state"] = {"lower": [-1.2, -3000], "upper": [1.2, 3000]}
-    again = np.array(bound(outcome(body)).evidence["always"])
+    again = np.array(bound(investigated(body)).evidence["always"])
     assert again == pytest.approx(metres * [1, 1000], rel=2e-2)
 
 
 def test_without_noise_no_gain_is_preferred_for_its_speed() -> None:
     body = spring()
     del body["output"]["noise_bound"]
-    result = outcome(body)
+    result = investigated(body)
     assert result.result["form"] == "Riccati L"
     sentence = next(
         e.statement for e in result.guarantees if "ultimate bound of the est" in e.statement
@@ -156,7 +148,7 @@ def test_without_noise_no_gain_is_preferred_for_its_speed() -> None:
     assert "continuously without noise" in sentence
     # what states gains or restricts them is heeded
     stated = spring(observer={"kind": "luenberger", "poles": [-2, -3]})
-    assert outcome(stated).result["form"] == "placed L"
+    assert investigated(stated).result["form"] == "placed L"
 
 
 def test_effects_on_one_direction_cancel() -> None:
@@ -168,10 +160,10 @@ def test_effects_on_one_direction_cancel() -> None:
         "state": {"lower": [18, 18], "upper": [24, 24]},
         "observer": {"kind": "luenberger", "gains": {"L": [[3], [0.5]]}},
     }  # fmt: skip
-    together = bound(outcome(body)).evidence["always"]
+    together = bound(investigated(body)).evidence["always"]
     body["flow"] |= {"A": [[-1.1, 1], [1, -1.15]], "A_radius": [[0.5, 0.5], [0.5, 0.5]]}
     del body["parameter"]
-    apart = bound(outcome(body)).evidence["always"]
+    apart = bound(investigated(body)).evidence["always"]
     assert (np.array(apart) > 5 * np.array(together)).all()
 
 
@@ -321,17 +313,17 @@ def test_a_proved_box_serves_where_none_is_stated() -> None:
     # without anything that drives it the state tends to zero, and the error with it
     for block in ("flow", "jump"):
         del body[block]["disturbance"]
-    assert not any(claim.id == "error_bound" for claim in outcome(body).claims)
+    assert not any(claim.id == "error_bound" for claim in investigated(body).claims)
 
 
 def test_a_known_input_needs_a_bound_where_it_is_uncertain() -> None:
     body = spring()
     body["flow"] |= {"B": [[0], [1]], "input_bound": [2.0]}
     body["parameter"].append({"name": "motor", "range": [0.9, 1.1], "B": [[0], [1]]})
-    with_motor = np.array(bound(outcome(body)).evidence["always"])
-    assert (with_motor > np.array(bound(outcome(spring())).evidence["always"])).all()
+    with_motor = np.array(bound(investigated(body)).evidence["always"])
+    assert (with_motor > np.array(bound(investigated(spring())).evidence["always"])).all()
     del body["flow"]["input_bound"]
-    result = outcome(body)
+    result = investigated(body)
     assert result.verdict == "proved"
     assert not any(claim.id == "error_bound" for claim in result.claims)
 
@@ -343,7 +335,7 @@ def test_a_middle_that_is_no_float_counts() -> None:
     body["flow"].pop("disturbance")
     body["output"].pop("noise_bound")
     body["flow"]["A"] = [[0, 1], [0.1, -0.4]]
-    always = np.array(bound(outcome(body)).evidence["always"])
+    always = np.array(bound(investigated(body)).evidence["always"])
     assert (always > 0).all()
     assert (always < 1e-15).all()
 
@@ -431,7 +423,7 @@ def test_gains_are_no_larger_than_the_bounds_need() -> None:
     bounds = []
     for options in ({}, {"gains": {"L": [[1.2e8], [3.18]]}}):
         body["observer"] = {"kind": "luenberger", **options}
-        result = outcome(body)
+        result = investigated(body)
         assert result.design is not None
         bounds.append(np.array(bound(result).evidence["always"]))
         if not options:
@@ -456,7 +448,7 @@ def test_what_a_bound_would_need_is_said(changes: Body, needs: str) -> None:
         del body["state"]
         # it oscillates: no box is proved
         body["parameter"][0]["range"] = [0.8, 1.2]
-    result = outcome(body)
+    result = investigated(body)
     assert "error_bound" not in {claim.id for claim in result.claims}
     assert any(
         "No bound of the estimation error" in text and needs in text for text in result.warnings
