@@ -22,6 +22,8 @@ _MOST_BEYOND = 1.5
 _MOST_DOTS = 150
 # an axis of widths shows at least so many decades, and more than so many by powers of ten alone
 _LEAST_DECADES, _FEW_DECADES = 1.2, 2.5
+# and at most so many: what is narrower is nothing to anybody
+_MOST_DECADES = 6.0
 
 
 def draw_bounds(
@@ -55,6 +57,7 @@ def draw_widths(
         axis.axhline(strip.width, color=_STRIP, lw=1.4, ls=(0, (4, 2)))
     axis.set_yscale("log")
     low, high = np.log10(axis.get_ylim())
+    low = max(low, high - _MOST_DECADES)
     missing = max(0.0, _LEAST_DECADES - (high - low)) / 2
     axis.set_ylim(10 ** (low - missing), 10 ** (high + missing))
     if high - low < _FEW_DECADES:

@@ -14,7 +14,7 @@ from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, FigureBase
+from matplotlib.figure import Figure
 
 from lmi.arithmetic.arrays import Array, Entries, Matrix
 from obsdesign.data.csv_lines import all_titles
@@ -36,6 +36,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.problem.signal_names import SignalNames
 
 _STACKED = 4  # with more panels there are two columns of them
+_LEGEND_WIDTH = 1.2  # inches of an entry
 _LABELLED = 12  # impulses whose times fit above their bars
 _EXPECTED = ("unresolved", "provisional: the record ends inside its window")
 _TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
@@ -157,7 +158,7 @@ def _with_widths(record: EstimateRecord, strips: Mapping[str, Strip], output: st
     return figure
 
 
-def _finish(figure: FigureBase, axes: Array, lowest: Array, record: EstimateRecord) -> None:
+def _finish(figure: Figure, axes: Array, lowest: Array, record: EstimateRecord) -> None:
     """Label the time, mark the rows without guarantee, add the legend."""
     for axis in lowest:
         _time_axis(axis, record)
@@ -171,7 +172,7 @@ def _time_axis(axis: Axes, record: EstimateRecord) -> None:
     axis.set_xlabel(f"time [{unit}]" if unit else "time")
 
 
-def _legend(figure: FigureBase, axes: Array) -> None:
+def _legend(figure: Figure, axes: Array) -> None:
     """One legend for all panels: what the first shows, then what the others add."""
     handles, labels = axes[0].get_legend_handles_labels()
     for axis in axes[1:]:
@@ -179,7 +180,8 @@ def _legend(figure: FigureBase, axes: Array) -> None:
             if label not in labels:
                 handles.append(handle)
                 labels.append(label)
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+    columns = min(len(labels), int(figure.get_figwidth() / _LEGEND_WIDTH))
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False)
 
 
 def _panel(axis: Axes, name: str, record: EstimateRecord) -> None:
@@ -215,7 +217,7 @@ def _state(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None = 
         split, pieces = with_gaps(record.data_t, [data.numbers(name)], record.jumps)
         axis.plot(split, pieces[0], color=_TRUTH, lw=0.9 if strip else 1.1, label="true state")
     _label(axis, name, record.names)
-    axis.margins(x=0.01)
+    axis.margins(x=0.02 if rows_only else 0.01)
 
 
 def _label(axis: Axes, name: str, names: SignalNames) -> None:
