@@ -135,7 +135,8 @@ class Kernel:
         (first, *others), inner = self.blocks
         return KernelParts(
             self.blank, slice(n2), slice(n2, n2 + p), slice(n2 + p, n2 + 2 * p),
-            slice(middle), slice(middle, None), self.checks, first, tuple(others), tuple(inner),
+            slice(n2 + 2 * p, middle - 1), slice(middle), slice(middle, None), self.checks, first,
+            tuple(others), tuple(inner),
             self._uses_y_start, n2 + p, slice(self.n), slice(self.n, None),
             begins, 2.0 * begins,
         )  # fmt: skip
@@ -205,7 +206,7 @@ class Kernel:
 class KernelParts(NamedTuple):
     """Slices of v and of a result, and for which times they are.
 
-    box, y_start, y_end, known, sizes: of v, the last two all that also enters by absolute value
+    box, y_start, y_end, u, known, sizes: of v, the last two all that also enters by absolute value
     and these values; checks, first, others, inner: of a result, the last three the candidates for
     the bounds of x, and those of z; uses_y_start: is y_start of any effect? y_index: place of the
     first y_end; lows, highs: halves of a candidate; begins, ends: of t, ends not included.
@@ -215,6 +216,7 @@ class KernelParts(NamedTuple):
     box: slice
     y_start: slice
     y_end: slice
+    u: slice
     known: slice
     sizes: slice
     checks: slice

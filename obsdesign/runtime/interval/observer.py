@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy import absolute, maximum, ndarray
+from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
@@ -26,7 +26,6 @@ from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
     Sample,
-    by_position,
     instant,
     later,
     optional_measurement,
@@ -39,7 +38,7 @@ from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
-from obsdesign.runtime.interval.kernel import KernelParts, Product, Result, largest
+from obsdesign.runtime.interval.kernel import Result
 from obsdesign.runtime.interval.parametric_kernels import kernels_of
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.state_tube import (
@@ -51,6 +50,7 @@ from obsdesign.runtime.interval.state_tube import (
 )
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
+from obsdesign.runtime.interval.usual_step import usual_step
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
 from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.status import status_of, still_void, void_since
@@ -126,7 +126,8 @@ class IntervalObserver(BoundsObserver[IntervalState]):
             largest = self.box.after_row(state.largest, step, results, sample.w)
         following = IntervalState(t, last.box, u, kept, guard, True, sampled, refutation, phase,
                                   False, course, row.held, largest)  # fmt: skip
-        following = following._replace(is_usual=last.size < MODERATE and following.is_ordinary)
+        is_usual = last.size < MODERATE and _is_moderate(u) and following.is_ordinary
+        following = following._replace(is_usual=is_usual)
         status = status_of(objections)
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, last.lower, last.upper, events=events, status=status)
@@ -171,9 +172,9 @@ class IntervalObserver(BoundsObserver[IntervalState]):
     def _usual(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate] | None:
         """The step of a sample in time, without any objection; None for any other.
 
-        One output and no inputs: written out, since most of its time is spent calling.
+        One output: written out, since most of its time is spent calling.
         """
-        t, y, _, _, jump, bounds, _, _, _, _ = sample
+        t, y, given, _, jump, bounds, _, _, _, _ = sample
         since, _, _, y_before, guard, _, _, _, phase, _, _, _, _ = state
         if jump or bounds is not None or type(y) is not ndarray or y.size != 1 or since < 0.0:
             return None
@@ -190,7 +191,10 @@ class IntervalObserver(BoundsObserver[IntervalState]):
             return None
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
-        return _usual_step(*usual, state, t, value)
+        u = state.u if given is None else vector(given, len(state.u), "u")
+        if given is not None and not _is_moderate(u):
+            return None
+        return usual_step(usual, state, t, value, u)
 
     def batch(self, state: IntervalState, record: Columns) -> Batch:
         """Estimates of the rows of a record from a state at its first row: those of `step`."""
@@ -246,6 +250,11 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         return "none" if y is None else "end"
 
 
+def _is_moderate(u: Matrix) -> bool:
+    """Are all inputs numbers that do not overflow in a step?"""
+    return all(-MODERATE < value < MODERATE for value in u.tolist())
+
+
 def _judged(
     refutation: str,
     t: float,
@@ -270,35 +279,3 @@ def _judged(
     elif reasons:
         refutation = void_since(t, reasons[0])
     return objections, refutation
-
-
-def _usual_step(
-    product: Product, kernel: KernelParts, state: IntervalState, t: float, y: float
-) -> tuple[IntervalState, Estimate] | None:
-    """The product of a step and what follows; None where there is an objection."""
-    (blank, box, y_start, y_end, known, sizes, checks, first, others, inner, uses_y,
-     y_index, lows, highs, _, _) = kernel  # fmt: skip
-    _, before, u, y_before, guard, _, _, _, _, _, _, _, _ = state
-    v = blank.copy()
-    v[box] = before
-    if uses_y:
-        v[y_start] = y_before
-    v[y_index] = y
-    absolute(v[known], v[sizes])
-    out = product(v)
-    below, above, size = out[checks].tolist()
-    if not (below >= 0.0 and above >= 0.0 and size < MODERATE):
-        return None
-    ends = out[first]
-    for block in others:
-        ends = maximum(ends, out[block])
-    lower, upper = ends[lows], -ends[highs]
-    if True in (lower > upper).tolist():
-        return None
-    if inner:
-        ends = largest([out[block] for block in inner])
-        if True in (ends[lows] > -ends[highs]).tolist():
-            return None
-    return by_position(
-        IntervalState, (t, ends, u, v[y_end], guard, True, t, "", t, True, None, None, None)
-    ), by_position(Estimate, (t, None, lower, upper, None, (), "ok", None, None, None))

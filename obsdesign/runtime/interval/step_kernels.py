@@ -95,15 +95,15 @@ class StepKernels:
         self.gains = gains
         self.is_periodic = gains.is_periodic
         self._sampled = "sampled" if self.is_periodic else "both"
-        # one output and no inputs: most of the time of a step is spent calling
-        self._is_short = gains.p == 1 and not gains.columns["u"]
+        # one output, inputs of any size: most of the time of a step is spent calling
+        self._is_short = gains.p == 1 and not (gains.is_uncertain and gains.columns["u"])
         self._steps: OrderedDict[tuple[float, int], KernelsOfStep] = OrderedDict()
         self._jump_spreads: OrderedDict[tuple[float, int], tuple[Matrix, Matrix]] = OrderedDict()
         # exponent of the later time -> shortest step that shares its length, and unit of lengths
         self._scales: dict[int, tuple[float, float]] = {}
-        # (shared length, exponent of the later time): the last that had no kernel of its own
+        # (shared length, exponent of the later time): the last without a kernel that is kept, and
+        # the kept ones of samples there, in parts
         self._previous: tuple[float, int] | None = None
-        # (shared length, exponent of the later time) -> the kernel of a sample there, in parts
         self._usual: dict[tuple[float, int], Usual] = {}
         # length as it comes -> the last of them that was used
         self.latest: dict[float, Usual] = {}
@@ -149,10 +149,7 @@ class StepKernels:
         return usual
 
     def _scale(self, t: float) -> tuple[float, float]:
-        """Shortest step that shares its length, and unit of shared lengths, at times like t > 0.
-
-        The shortest is infinite where no step is usual.
-        """
+        """Shortest step that shares its length, inf where none is usual, and unit of lengths."""
         scale = (math.inf, 1.0)
         if self._is_short and 0.0 < t < math.inf:
             scale = (SHORT_STEP_ULPS * math.ulp(t), decimal_unit(t))

@@ -58,7 +58,11 @@ def assert_same(left: Any, right: Any) -> None:
         if isinstance(a, tuple):
             assert_same(a, b)
         else:
-            assert np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b or a != a
+            assert (
+                np.array_equal(a, b, equal_nan=True)
+                if isinstance(a, np.ndarray)
+                else a == b or a != a
+            )
 
 
 def run_beside_general(observer: IntervalObserver, rows: list[Sample]) -> int:
@@ -79,9 +83,36 @@ def test_a_usual_step_is_the_general_step_bit_for_bit(mode: str, with_S: bool) -
 
 
 @pytest.mark.parametrize("mode", ["periodic", "continuous"])
-def test_inputs_and_several_outputs_take_the_general_step(mode: str) -> None:
-    with_input = case(mode, False, B=np.array([[1.0], [0.0], [0.5]]))
-    assert run_beside_general(with_input, samples(2, inputs=1)) == 0
+@pytest.mark.parametrize("inputs", [1, 2])
+def test_inputs_take_the_usual_step(mode: str, inputs: int) -> None:
+    observer = case(mode, False, B=np.array([[1.0, 0.2], [0.0, -1.0], [0.5, 0.0]])[:, :inputs])
+    rows = samples(2, inputs=inputs)
+    held = [row._replace(u=None) if k % 3 else row for k, row in enumerate(rows)]
+    uneven = [row._replace(t=row.t + 0.01 * (k % 7) ** 0.5) for k, row in enumerate(rows)]
+    for record in (rows, held, uneven if mode == "continuous" else rows):
+        assert run_beside_general(observer, record) > ROWS // 2
+
+
+@pytest.mark.parametrize("u", [[np.nan], [np.inf], [1e200]])
+def test_inputs_that_are_no_numbers_take_the_general_step(u: list[float]) -> None:
+    rows = samples(2, inputs=1)
+    rows[-2] = rows[-2]._replace(u=np.array(u))
+    run_beside_general(case("continuous", False, B=np.array([[1.0], [0.0], [0.5]])), rows)
+
+
+@pytest.mark.parametrize("inputs", [0, 1])
+def test_a_row_with_too_many_inputs_is_refused(inputs: int) -> None:
+    observer = case("continuous", False, B=np.ones((3, inputs)) if inputs else None)
+    state, rows = initial(observer), samples(2, inputs=inputs)
+    for row in rows[:5]:
+        state, _ = observer.step(state, row)
+    assert state.is_usual
+    with pytest.raises(ValueError, match=f"u must have {inputs} entries; got 2"):
+        observer.step(state, rows[5]._replace(u=np.zeros(2)))
+
+
+@pytest.mark.parametrize("mode", ["periodic", "continuous"])
+def test_several_outputs_take_the_general_step(mode: str) -> None:
     two = case(mode, False, C=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
     assert run_beside_general(two, samples(3, outputs=2)) == 0
 
