@@ -204,7 +204,7 @@ class Plant:
             self.in_mode(self.modes.index(mode))
 
     def in_mode(self, place: int, *, entered: bool = False) -> Plant:
-        """The plant as it is in one mode, without any change of it.
+        """The plant as it is in one mode, without any change of it, and any time between events.
 
         entered: with the map on entry, where there is one, in place of all events.
         """
@@ -217,7 +217,7 @@ class Plant:
                 sensors = (replace(sensors[0], C=mode.C),)
         if not entered:
             events = [replace(event, modes=None) for event in self.events]
-            return Plant(flow, events, sensors, timing=self.timing)
+            return Plant(flow, events, sensors)
         return Plant(flow, None if mode.entry_map is None else Jump(G=mode.entry_map), sensors)
 
     @cached_property

@@ -163,12 +163,12 @@ class Replay:
     def take(self, sample: Sample) -> list[Estimate]:
         """Estimates of the row and of those behind it, then of the rows that are final with it.
 
-        The former have the status `provisional`. Nothing for a row older than the lag. ValueError
-        for a sample that the observer cannot take.
+        The former have the status `provisional`. ValueError for a sample that the observer cannot
+        take, and for a row older than the lag: it is left out, and later bounds may depend on it.
         """
         arrival = self._rows.insert(sample, self._arrived)
         if arrival is None:
-            return []
+            raise ValueError(self._rows.reason_against(sample))
         self._arrived += 1
         try:
             revised = self.revised(arrival)

@@ -229,6 +229,16 @@ def test_a_row_that_comes_too_late_may_be_the_first(tank: Path, t: float, counts
     assert marks(estimates(tank, rows, "t,dose,level,received")) == [counts] * 3
 
 
+def test_a_part_without_arrivals_has_a_time_too(tank: Path) -> None:
+    """A row of the next part that is older than the last one is too late, whenever it came."""
+    designed(tank, flow=STILL, sensor=[LEVEL])
+    state = str(tank / "s.state")
+    estimates(tank, ["0,,0", "2,,0"], "t,dose,level", state=state)
+    rows = ["1,,0,1", "1.5,5,0,1.5", "3,,0,3"]
+    lines = estimates(tank, rows, "t,dose,level,received", state=state, goes_on=True)
+    assert (len(lines), marks(lines)) == (1, [True])
+
+
 def test_a_pipe_that_is_given_as_a_file_is_refused(tank: Path) -> None:
     os.mkfifo(tank / "pipe")
     with pytest.raises(InputError, match=r"pipe: .*give the rows on standard input"):

@@ -165,3 +165,30 @@ def test_spacing_needs_two_events() -> None:
     del body["event"][1]
     with pytest.raises(InputError, match=r"timing\.spacing requires two events or more"):
         Problem.from_dict(body)
+
+
+def test_an_event_that_a_mode_ends_need_not_come() -> None:
+    """The twin is the plant without modes: there another event would come too late."""
+    strokes = [
+        {"name": name, "every": [2, 6], "modes": [mode],
+         "disturbance": {"lower": [0.9], "upper": [1.1]}}
+        for name, mode in (("stroke", "open"), ("purge", "closed"))
+    ]  # fmt: skip
+    body: Body = {
+        "flow": {"A": [[-1.0]]},
+        "mode": [{"name": name, "A": [[-1.0]], "every": [10, 20]} for name in ("open", "closed")],
+        "event": strokes,
+        "sensor": [{"name": "level", "C": [[1]], "noise_bound": 0.1, "every": "continuous"}],
+        "timing": {"spacing": 4},
+    }
+    run = simulate(Problem.from_dict(body).plant, until=200.0, rng=np.random.default_rng(1))
+    assert run.happened is not None
+    times, names = run.t[run.happened.any(axis=1)], run.happened[run.happened.any(axis=1)]
+    apart = (names[1:] != names[:-1]).any(axis=1)
+    assert apart.sum() > 5
+    assert (np.diff(times)[apart] >= 4 - 1e-9).all()
+    del body["mode"]
+    for stroke in strokes:
+        del stroke["modes"]
+    with pytest.raises(InputError, match="at most half of the longest time"):
+        Problem.from_dict(body)
