@@ -22,6 +22,7 @@ from obsdesign.studies.search.search import search
 from obsdesign.verification.interval.mode_width import width_claim
 from obsdesign.verification.interval.modes import mode_system
 from obsdesign.workflow import Outcome, design, investigate, verify
+from tests.systems.designs import designed, investigated
 from tests.systems.mode_paths import largest_widths
 from tests.systems.switched import random_strokes, valve
 
@@ -46,7 +47,7 @@ def widths(problem: Problem) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def test_no_path_exceeds_the_widths_of_the_valve_and_its_strokes() -> None:
-    outcome = investigate(valve(strokes=True))
+    outcome = investigated(valve(strokes=True).to_dict())
     assert outcome.verdict == "proved"
     assert outcome.design is not None
     gains = SwitchedGains.from_document(outcome.design.gains, IntervalGains)
@@ -100,7 +101,7 @@ def test_rarer_and_fewer_strokes_never_widen() -> None:
 
 def altered(change: Callable[[Body, Body], object]) -> str:
     """The verdict on the plant's claims in a design with changed gains or problem."""
-    own = design(valve(strokes=True))
+    own = designed(valve(strokes=True).to_dict())
     gains, problem = copy.deepcopy(dict(own.gains)), copy.deepcopy(dict(own.problem))
     change(gains, problem)
     claims = verify(replace(own, gains=gains, problem=problem)).claims
@@ -229,7 +230,7 @@ def test_a_lower_tube_of_them_is_not_proved(lasting: Outcome) -> None:
 def test_a_width_that_is_not_proved_is_a_warning() -> None:
     """Five events leave no graph that is searched; one does, and there is no warning."""
     body = valve(strokes=True).to_dict()
-    assert not design(Problem.from_dict(body)).warnings
+    assert not designed(body).warnings
     (stroke,) = body["event"]
     body["event"] = [{**stroke, "name": f"stroke_{k}"} for k in range(5)]
     without = design(Problem.from_dict(body))
