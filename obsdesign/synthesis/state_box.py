@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.arithmetic.balls import exact
 from lmi.solvers import Solvers
 from obsdesign.analysis.widened import StateBounds, absolute_plant
@@ -37,3 +37,29 @@ def proposed_box(plant: Plant) -> ProposedBox:
     before = np.array(certificate.get("before_jump", certificate["always"]))
     bounds = StateBounds.proved(np.array(certificate["tube"]), always, before)
     return ProposedBox(bounds, certificate, solvers_of_tube(N is not None))
+
+
+@dataclass(frozen=True)
+class KnownBox:
+    """Bounds of x, the certificates that prove them and the solvers that these took."""
+
+    bounds: StateBounds
+    certificates: EntriesByClaim = field(default_factory=dict)
+    solvers: Solvers = ()
+
+    @property
+    def units(self) -> Matrix:
+        """Half-widths of the box (n,), in which bounds of the error are added."""
+        half: Matrix = (self.bounds.upper - self.bounds.lower) / 2
+        return np.where(half > 0, half, half.max(initial=0.0) or 1.0)
+
+
+def known_state_box(plant: Plant) -> KnownBox | None:
+    """The box that effects of parameters are bounded in, stated or proved; None where none is."""
+    if (stated := StateBounds.stated(plant)) is not None:
+        return KnownBox(stated)
+    try:
+        box = proposed_box(plant)
+    except DoesNotApply:
+        return None
+    return KnownBox(box.bounds, {"state_box": box.certificate}, box.solvers)

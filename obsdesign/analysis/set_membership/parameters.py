@@ -24,11 +24,11 @@ from obsdesign.errors import DoesNotApply
 from obsdesign.problem.problem import Problem
 
 
-def in_stated_box(problem: Problem) -> NominalProblem:
+def in_box(problem: Problem, bounds: StateBounds | None) -> NominalProblem:
     """The nominal problem and the entries of parameters; the problem itself without any.
 
-    DoesNotApply for a rate of an unknown input beside parameters, or an uncertain input without a
-    bound where a box is stated.
+    bounds: of x, None where none are known. DoesNotApply for a rate of an unknown input beside
+    parameters, or an uncertain input without a bound where x has one.
     """
     plant = problem.plant
     if not plant.parameters:
@@ -47,17 +47,20 @@ def in_stated_box(problem: Problem) -> NominalProblem:
         entries["rounding"] = [
             EffectGains.from_effect(effect).to_document() for effect in roundings
         ]
-    bounds = StateBounds.stated(plant)
     if bounds is None:
         return NominalProblem(own, entries, is_bounded=False)
     wider = widened(problem, bounds)
     entries |= {"state_lower": bounds.lower, "state_upper": bounds.upper}
+    if bounds.tube is not None:
+        entries |= {"state_tube": bounds.tube}
     entries |= {name: most for name, most in wider.inputs.items() if most is not None}
     gains = SetMembershipGains.from_plant(own.plant, window=1, steps=1, **entries)
-    of_flow = _largest(gains.flow_factors, bounds, plant.flow.input_bound)
+    box = (bounds.lower, bounds.upper)
+    of_flow = _largest(gains.flow_factors, box, plant.flow.input_bound)
     entries |= {"flow_effect": of_flow, "output_effect": wider.output}
     if plant.jump is not None:
-        of_jump = _largest(gains.jump_factors, bounds, plant.jump.input_bound)
+        box = (bounds.lower_before_jump, bounds.upper_before_jump)
+        of_jump = _largest(gains.jump_factors, box, plant.jump.input_bound)
         entries |= {"jump_effect": of_jump}
     return NominalProblem(own, entries)
 
@@ -71,9 +74,9 @@ def with_all_noise(gains: SetMembershipGains) -> SetMembershipGains:
     return replace(gains, noise_bound=bound)
 
 
-def _largest(factors: Factors, bounds: StateBounds, inputs: Matrix | None) -> Matrix:
+def _largest(factors: Factors, box: tuple[Matrix, Matrix], inputs: Matrix | None) -> Matrix:
     """Bounds of w of each column over the box, rounded up; positive, since inputs may be larger."""
-    lower, upper = fractions_of(bounds.lower), fractions_of(bounds.upper)
+    lower, upper = map(fractions_of, box)
     rows, n = fractions_of(factors.rows), len(lower)
     known = np.zeros(rows.shape[1] - n) if inputs is None else inputs
     sizes = largest_in_box(rows[:, :n], lower, upper)

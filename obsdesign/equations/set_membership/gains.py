@@ -39,10 +39,11 @@ class SetMembershipGains(ShapedGains):
     without one; d_rate (q,): bounds of |d'|, with which d is estimated too, None for any.
 
     effects: what each parameter of an uncertain plant adds as it goes from 0 to 1, A, B, G, E and C
-    being nominal; rounding: what these leave out of exact ones. Where x is stated to stay in a box,
+    being nominal; rounding: what these leave out of exact ones. Where x is known to stay in a box,
     flow_effect, jump_effect bound them there along each column of their factors, for known inputs
     up to input_bound (m,) and jump_input_bound (l,) where these are stated, and output_effect (p,)
-    what they add to y; else these are None.
+    what they add to y; else these are None. state_tube (n,): of a proved box, which holds once |x|
+    <= state_tube, just after a jump if there are any; None of one that is stated.
 
     multipliers (phases, n, window, p): of upper bounds of x_1 ... x_n for a full window of the
     nominal pattern, oldest stage first; those of lower bounds are their negatives. They are sound
@@ -70,6 +71,7 @@ class SetMembershipGains(ShapedGains):
     output_effect: Array | None = matrix("p", optional=True)
     state_lower: Array | None = matrix("n", optional=True)
     state_upper: Array | None = matrix("n", optional=True)
+    state_tube: Array | None = matrix("n", optional=True)
     input_bound: Array | None = matrix("m", optional=True)
     jump_input_bound: Array | None = matrix("l", optional=True)
     multipliers: Array | None = matrix("phases", "n", "window", "p", optional=True)
@@ -103,16 +105,16 @@ class SetMembershipGains(ShapedGains):
     @cached_property
     def flow_factors(self) -> Factors:
         """Effects on the flow, rows of (x, u)."""
-        return factored(self.effects_on("A", "B"), (self.n, self.n + self._inputs("B")))
+        return factored(self.effects_on("A", "B"), (self.n, self.n + self.inputs_of("B")))
 
     @cached_property
     def jump_factors(self) -> Factors:
         """Effects on the jump, rows of (x, w)."""
-        return factored(self.effects_on("G", "E"), (self.n, self.n + self._inputs("E")))
+        return factored(self.effects_on("G", "E"), (self.n, self.n + self.inputs_of("E")))
 
     def effects_on(self, state: str, known: str) -> list[Matrix]:
         """Effects (n, n + inputs) on two matrices, those of rounding included."""
-        count, listed = self._inputs(known), []
+        count, listed = self.inputs_of(known), []
         for effect in (*self.effects, *self.rounding):
             X, Y = getattr(effect, state), getattr(effect, known)
             if X is not None or Y is not None:
@@ -120,7 +122,7 @@ class SetMembershipGains(ShapedGains):
                 listed.append(np.hstack([X, np.zeros((self.n, count)) if Y is None else Y]))
         return listed
 
-    def _inputs(self, name: str) -> int:
+    def inputs_of(self, name: str) -> int:
         """Number of columns of B or E."""
         matrix = {"B": self.B, "E": self.E}[name]
         return 0 if matrix is None else matrix.shape[1]

@@ -41,18 +41,13 @@ from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import Result
 from obsdesign.runtime.interval.parametric_kernels import kernels_of
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
-from obsdesign.runtime.interval.state_tube import (
-    SizeStep,
-    StatedBox,
-    StateTube,
-    known_box,
-    known_inputs,
-)
+from obsdesign.runtime.interval.state_box import known_box, known_inputs
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
 from obsdesign.runtime.interval.usual_step import usual_step
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
 from obsdesign.runtime.known_inputs import KnownInputs
+from obsdesign.runtime.state_box import Bounds, SizeStep, StatedBox, StateTube
 from obsdesign.runtime.status import status_of, still_void, void_since
 
 
@@ -123,7 +118,8 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         largest = None
         if self.box is not None and row.kernels is self.unbounded:
             step = SizeStep(t - state.t, max(abs(t), abs(state.t)), state.u)
-            largest = self.box.after_row(state.largest, step, results, sample.w)
+            known = [Bounds(each.lower, each.upper) for each in results]
+            largest = self.box.after_row(state.largest, step, known, sample.w)
         following = IntervalState(t, last.box, u, kept, guard, True, sampled, refutation, phase,
                                   False, course, row.held, largest)  # fmt: skip
         is_usual = last.size < MODERATE and _is_moderate(u) and following.is_ordinary

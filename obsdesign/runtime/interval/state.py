@@ -57,7 +57,7 @@ class IntervalState(NamedTuple):
     is it ordinary, and were all numbers of the last step below `MODERATE`? course: None where the
     box is just after a sample on the period or a jump (periodic samples only); bounds: those that
     hold up to the next row, None as declared; largest: of |x|, as long as a box of the state that
-    the design has proved may not hold yet (`state_tube`), else None.
+    the design has proved may not hold yet (`state_box`), else None.
     """
 
     t: float

@@ -20,7 +20,7 @@ from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.kernel import Kernel, largest
 from obsdesign.runtime.interval.state import IntervalState
-from obsdesign.runtime.interval.state_tube import known_inputs
+from obsdesign.runtime.interval.state_box import known_inputs
 from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.step_cache import shared_length, shared_lengths
 

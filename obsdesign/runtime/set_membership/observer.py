@@ -117,7 +117,6 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         nothing = np.full(self._clocks.gains.p, np.nan)  # of sensors on change
         return state._replace(
             box=box, start=box, stages=(), sent=nothing, refutation="", recent=(),
-            box_counts=True,
         )  # fmt: skip
 
     def step(

@@ -9,9 +9,8 @@ Each effect acts along known columns (`equations.set_membership.effects`), as a 
     |row (x, u)| <= |row (m, u)| + |row| r + h (|row A| X + sum |row A_i| X + |row| f)
 
 and at a jump the box before it bounds the rows. What parameters add to y widens the strip of a
-sample by sum |C_i x| over the box of its time. Where x is stated to stay in a box, so are these:
-but not where a known input is beyond the bound that is stated with it, nor afterwards until bounds
-of x are inside the box again.
+sample by sum |C_i x| over the box of its time. Where x is known to stay in a box, stated or proved,
+so are these, from when on it counts (`runtime.state_box`).
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, raised
@@ -33,7 +33,9 @@ from obsdesign.runtime.set_membership.model import Disturbance, Model
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.stages import Stage, magnitude
 from obsdesign.runtime.set_membership.state import SetMembershipState
+from obsdesign.runtime.set_membership.state_box import known_box
 from obsdesign.runtime.set_membership.tape import Tape
+from obsdesign.runtime.state_box import Bounds, SizeStep, StatedBox, StateTube
 from obsdesign.runtime.status import with_reasons
 
 
@@ -217,25 +219,45 @@ class EffectBounds:
 class UncertainSetMembershipObserver(SetMembershipObserver):
     """Executes a design of kind `set_membership` for a plant with parameters.
 
-    counts_box: are effects bounded by those in the stated box of the state too?
+    counts_box: are effects bounded by those in the box of the state too?
     """
 
     counts_box: bool = True
+
+    def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> SetMembershipState:
+        """State at time t from bounds of x(t); ValueError unless they are finite and in order."""
+        state = super().init(t, lower=lower, upper=upper)
+        return state._replace(largest=self._at_start(lower, upper))
+
+    def reset(
+        self, state: SetMembershipState, *, lower: ArrayLike, upper: ArrayLike
+    ) -> SetMembershipState:
+        """The same instant with new bounds of x(t), as of any design."""
+        following = super().reset(state, lower=lower, upper=upper)
+        return following._replace(largest=self._at_start(lower, upper))
 
     def step(
         self, state: SetMembershipState, sample: Sample
     ) -> tuple[SetMembershipState, Estimate]:
         """Move to the time of the sample, use it, and jump if it says so.
 
-        Without the stated box of the state where a known input is beyond its bound. ValueError as
-        of any design.
+        Without the box of the state where it does not hold yet, a known input is beyond its bound
+        or, of one that was proved, a dwell time is wrong. ValueError as of any design.
         """
         large = self._known_inputs.reasons(state.u, sample.w if sample.jump else None)
-        counts_box = state.box_counts and not large
+        late = None
+        if state.guards:
+            _, late = state.guards[0].after(sample.t, bool(sample.jump))
+        counts_box = state.largest is None
+        if self.box is not None and self.box.ends(late, large):
+            counts_box = False
         observer = self if counts_box else self._without_box
         following, estimate = SetMembershipObserver.step(observer, state, sample)
-        if not counts_box:
-            following = following._replace(box_counts=self._is_inside(estimate))
+        if self.box is not None and not counts_box:
+            step = SizeStep(sample.t - state.t, max(abs(sample.t), abs(state.t)), state.u)
+            results = _results(estimate, self.n, is_jump=bool(sample.jump))
+            largest = self.box.after_row(state.largest, step, results, sample.w)
+            following = following._replace(largest=largest)
         events = (*estimate.events, *((estimate.t, reason) for reason in large))
         status = with_reasons(estimate.status, large)
         return following, estimate._replace(status=status, events=events)
@@ -244,12 +266,14 @@ class UncertainSetMembershipObserver(SetMembershipObserver):
         effects = self._effects
         return effects.widened(super()._predicted(tape, effects.driven(stage, tape.box)))
 
-    def _is_inside(self, estimate: Estimate) -> bool:
-        """Are the bounds of a row inside the stated box?"""
-        lower, upper = self.gains.state_lower, self.gains.state_upper
-        if lower is None or upper is None or estimate.lower is None or estimate.upper is None:
-            return True
-        return bool((lower <= estimate.lower).all() and (estimate.upper <= upper).all())
+    def _at_start(self, lower: ArrayLike, upper: ArrayLike) -> Matrix | None:
+        """Bound of |x| at the start, None where a box of the state holds already."""
+        return None if self.box is None else self.box.at_start(lower, upper)
+
+    @cached_property
+    def box(self) -> StatedBox | StateTube | None:
+        """The box of the state, None without any."""
+        return known_box(self.gains)
 
     @cached_property
     def _known_inputs(self) -> KnownInputs:
@@ -262,3 +286,10 @@ class UncertainSetMembershipObserver(SetMembershipObserver):
     @cached_property
     def _effects(self) -> EffectBounds:
         return EffectBounds(self.gains, self._model, self.counts_box)
+
+
+def _results(estimate: Estimate, n: int, *, is_jump: bool) -> list[Bounds]:
+    """Bounds of x after a row; just before its jump they are not reported."""
+    lower, upper = (np.asarray(end) for end in (estimate.lower, estimate.upper))
+    unknown = np.full(n, np.inf)
+    return [*([Bounds(-unknown, unknown)] if is_jump else []), Bounds(lower, upper)]

@@ -7,7 +7,15 @@ from typing import Annotated, NamedTuple
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
 from obsdesign.runtime.set_membership.stages import Stage
-from obsdesign.runtime.state_marks import ROWS, Axes, Box, Inputs, MeasuredRow, Past
+from obsdesign.runtime.state_marks import (
+    ROWS,
+    Axes,
+    Box,
+    Inputs,
+    MeasuredRow,
+    Past,
+    UnboundedRadii,
+)
 
 
 class SetMembershipState(NamedTuple):
@@ -18,7 +26,7 @@ class SetMembershipState(NamedTuple):
     sampled: time of the last measurement of every sensor; sent (p,): values that sensors on change
     sent last, NaN without; refutation: since when, and why, the bounds are void, "" while they
     hold; recent: the boxes after the last rows, the latest one last: one more than `fixed_lag` at
-    most; box_counts: do effects of parameters count on the stated box of the state?
+    most; largest: bounds of |x|, as long as a box of the state may not hold, else None.
     """
 
     t: float
@@ -33,4 +41,4 @@ class SetMembershipState(NamedTuple):
     sent: MeasuredRow
     refutation: str = ""
     recent: tuple[Box, ...] = ()
-    box_counts: bool = True
+    largest: UnboundedRadii | None = None

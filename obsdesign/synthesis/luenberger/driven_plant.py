@@ -20,7 +20,7 @@ from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.parameters import largest_in_box
 from obsdesign.problem.plant import Plant
 from obsdesign.synthesis.estimated_bounds import driven_bounds, settled_bounds
-from obsdesign.synthesis.luenberger.error_bound import KnownBox
+from obsdesign.synthesis.state_box import KnownBox
 
 
 class GainPair(NamedTuple):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.bounds.tube import Tube
 from lmi.solvers import Solvers, merged
@@ -27,13 +26,13 @@ from obsdesign.analysis.luenberger.error_bounds import (
     is_tube,
 )
 from obsdesign.analysis.nominal import stability_dwell
-from obsdesign.analysis.widened import StateBounds, absolute_plant
+from obsdesign.analysis.widened import absolute_plant
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Certificates
-from obsdesign.synthesis.state_box import proposed_box
+from obsdesign.synthesis.state_box import KnownBox, known_state_box
 from obsdesign.synthesis.tube import proved_tube, solvers_of_tube
 
 # stated bounds exceed those that are proved by this share: other libraries steer proofs otherwise
@@ -42,35 +41,17 @@ _ROOM = 1e-6
 _SHARES = (1.0, 0.99, 0.9)
 
 
-@dataclass(frozen=True)
-class KnownBox:
-    """Bounds of x, the certificates that prove them and the solvers that these took."""
-
-    bounds: StateBounds
-    certificates: EntriesByClaim = field(default_factory=dict)
-    solvers: Solvers = ()
-
-    @property
-    def units(self) -> Matrix:
-        """Half-widths of the box (n,), in which bounds of the error are added."""
-        half: Matrix = (self.bounds.upper - self.bounds.lower) / 2
-        return np.where(half > 0, half, half.max(initial=0.0) or 1.0)
-
-
 def known_box(problem: Problem) -> KnownBox | None:
     """The box that effects of parameters are bounded in, stated or proved; None where none is."""
     plant = problem.plant
     if reason_against_error_bound(problem):
         return None
-    if (stated := StateBounds.stated(plant)) is not None:
-        return KnownBox(stated)
     try:
-        if not _is_driven(plant):
-            return None  # the state tends to zero, and the error with it
-        box = proposed_box(plant)
+        is_driven = plant.state is not None or _is_driven(plant)
     except DoesNotApply:
         return None
-    return KnownBox(box.bounds, {"state_box": box.certificate}, box.solvers)
+    # where nothing drives the state, it tends to zero, and the error with it
+    return known_state_box(plant) if is_driven else None
 
 
 def bound_certificates(

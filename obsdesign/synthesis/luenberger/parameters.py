@@ -22,7 +22,8 @@ from obsdesign.analysis.nominal import (
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
-from obsdesign.synthesis.luenberger.error_bound import KnownBox, bound_certificates
+from obsdesign.synthesis.luenberger.error_bound import bound_certificates
+from obsdesign.synthesis.state_box import KnownBox
 
 # candidates whose bounds are compared: the others are tried where none of these is proved
 _COMPARED = 5

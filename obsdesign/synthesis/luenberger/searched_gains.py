@@ -17,9 +17,9 @@ from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
 from obsdesign.synthesis.given_gains import given_gain
 from obsdesign.synthesis.luenberger.driven_plant import DrivenPlant, GainPair
-from obsdesign.synthesis.luenberger.error_bound import KnownBox
 from obsdesign.synthesis.luenberger.gain_candidates import with_gains, with_jump_gain
 from obsdesign.synthesis.luenberger.peak_gains import GainSearch
+from obsdesign.synthesis.state_box import KnownBox
 
 # candidates that a search of gains may start from
 _STARTS = 3

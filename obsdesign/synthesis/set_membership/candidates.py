@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lmi.arithmetic.arrays import NewEntries
+from lmi.arithmetic.arrays import Entries
 from lmi.decide.stability import decide
-from lmi.solvers import Solvers
+from lmi.solvers import Solvers, merged
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.analysis.nominal import NominalProblem
 from obsdesign.analysis.set_membership.observable_window import determines_state
-from obsdesign.analysis.set_membership.parameters import in_stated_box, with_all_noise
+from obsdesign.analysis.set_membership.parameters import in_box, with_all_noise
 from obsdesign.analysis.set_membership.requirements import (
     pattern_of,
     reason_against,
@@ -28,6 +28,7 @@ from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.set_membership.tube import WORK, Search, Tube, Witness
+from obsdesign.synthesis.state_box import known_state_box
 
 # stages by number of states: a window that is exact to a few percent on random plants
 _WINDOWS = ((2, 8), (4, 16))
@@ -40,7 +41,8 @@ _NEAR = 1.1
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield the observer of the problem; DoesNotApply where its bounds need what is missing."""
-    nominal = in_stated_box(problem)
+    box = known_state_box(problem.plant) if problem.plant.parameters else None
+    nominal = in_box(problem, None if box is None else box.bounds)
     problem = nominal.problem
     problem.require_noise_bound()
     if reason := reason_against(problem):
@@ -48,13 +50,16 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
     options = problem.options_as(SetMembershipOptions)
     chosen = _chosen(nominal, budget)
     gains = _gains(nominal, chosen.window)
-    certificates: dict[str, NewEntries] = _decay(problem, budget) if nominal.is_bounded else {}
+    certificates: dict[str, Entries] = _decay(problem, budget) if nominal.is_bounded else {}
     if chosen.tube is not None:
         gains = replace(gains, multipliers=chosen.tube.multipliers)
         certificates["width"] = {"tube": chosen.tube.radii.tolist()}
     if chosen.witness is not None and not nominal.entries:  # its disturbances are free ones
         certificates["optimal"] = {"trajectories": chosen.witness.to_document()}
     solvers: Solvers = () if chosen.tube is None else ("HiGHS",)
+    if box is not None:
+        certificates |= box.certificates
+        solvers = merged(solvers, box.solvers)
     yield Candidate(
         f"window of {chosen.window} stages", gains, certificates, options.window is None,
         remarks=chosen.remarks, solvers=solvers,
@@ -131,7 +136,7 @@ def _gains(nominal: NominalProblem, window: int) -> SetMembershipGains:
     )  # fmt: skip
 
 
-def _decay(problem: Problem, budget: TimeBudget) -> dict[str, NewEntries]:
+def _decay(problem: Problem, budget: TimeBudget) -> dict[str, Entries]:
     """A certificate that the part which no sample sees contracts over the dwell times."""
     hidden, events = unobservable_part(problem.plant), problem.plant.events
     is_flow = problem.plant.flow.dt is None

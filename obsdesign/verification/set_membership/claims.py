@@ -10,17 +10,20 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import undecided
-from obsdesign.analysis.set_membership.parameters import in_stated_box, with_all_noise
+from obsdesign.analysis.set_membership.parameters import in_box, with_all_noise
 from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
+from obsdesign.analysis.widened import StateBounds
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains, plant_entries
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.options import SetMembershipOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.assumptions import STATE_BOX
 from obsdesign.verification.consistency import consistent_gains, inconsistent
 from obsdesign.verification.set_membership.observability import observability_claims
 from obsdesign.verification.set_membership.optimal import optimal_claims
 from obsdesign.verification.set_membership.width import width_claims
+from obsdesign.verification.state_box import state_box
 
 
 def claims(
@@ -33,12 +36,13 @@ def claims(
 ) -> tuple[Claim, ...]:
     """All claims of the design, each with its verdict; stored: gains as a file states them.
 
-    certificates: {"width": {"tube"}, "optimal": {"trajectories"}, "attainable": {"P"}} where they
-    were found; they are checked.
+    certificates: {"state_box": tube, "width": {"tube"}, "optimal": {"trajectories"},
+    "attainable": {"P"}} where they were found; they are checked.
     """
     del budget  # proofs end by their size
     try:
-        nominal = in_stated_box(problem)
+        box_claims, bounds = _box(problem, certificates)
+        nominal = in_box(problem, bounds)
     except DoesNotApply as error:
         return (inconsistent(str(error)),)
     problem = nominal.problem
@@ -52,11 +56,20 @@ def claims(
     observable = observability_claims(problem, gains, certificates.get("attainable", {}), paranoid)
     pattern = pattern_of(problem.plant)
     if isinstance(pattern, str):
-        return (agreement, *observable)
+        return (agreement, *box_claims, *observable)
     width = width_claims(gains, pattern, certificates.get("width", {}))
     proposed = {} if nominal.entries else certificates.get("optimal", {})
     least = optimal_claims(gains, pattern, proposed, width[0] if width else None)
-    return (agreement, *observable, *without_contradiction(width, least))
+    return (agreement, *box_claims, *observable, *without_contradiction(width, least))
+
+
+def _box(
+    problem: Problem, certificates: EntriesByClaim
+) -> tuple[tuple[Claim, ...], StateBounds | None]:
+    """The claim on a box of the state that effects of parameters are bounded in, and the box."""
+    if not problem.plant.parameters:
+        return (), None
+    return state_box(problem.plant, certificates.get(STATE_BOX, {}))
 
 
 def without_contradiction(

@@ -9,7 +9,7 @@ from lmi.arithmetic.arrays import Entries
 from obsdesign.analysis.set_membership.requirements import pattern_of
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.assumptions import under_assumptions
+from obsdesign.verification.assumptions import is_bounded, under_assumptions
 from obsdesign.verification.rates import six_digits
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS
 from obsdesign.verification.silent_sensors import missing_samples
@@ -62,8 +62,8 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
     spikes = (_NO_RATE,) if own is not None and own.rate is None else ()
     if any(claim.id == "width" for claim in claims):
         return spikes
-    if problem.plant.parameters and problem.plant.state is None:
-        why = "[state] is not stated, which bounds the effects of parameters"
+    if not is_bounded(problem.plant, claims):
+        why = "[state] is not stated, and no box of x proved that bounds effects of parameters"
         return (f"No width of the bounds is proved: {why}. The bounds of each row hold.", *spikes)
     pattern = pattern_of(problem.plant)
     why = pattern if isinstance(pattern, str) else "no tube was found on the nominal pattern"

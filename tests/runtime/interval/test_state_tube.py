@@ -13,7 +13,7 @@ import scipy.linalg
 import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval.fleet import Fleet
-from obsdesign.runtime.interval.state_tube import SizeStep
+from obsdesign.runtime.state_box import SizeStep
 from obsdesign.workflow import investigate, verify
 
 _RATE = 0.3

@@ -199,12 +199,18 @@ def test_a_parameter_on_one_matrix_alone_leaves_known_inputs_as_they_are(matrix:
     assert beyond(body, body, "bang-bang", 1) <= 1e-12
 
 
-def test_claims_need_a_stated_box() -> None:
+def test_claims_need_a_box_stated_or_proved() -> None:
     body = _of_kind(compartments())
     outcome = obsdesign.investigate(Problem.from_dict(body))
     assert outcome.verdict == "proved"
     assert [claim.id for claim in outcome.claims][:2] == ["consistent", "observable_window"]
     assert outcome.guarantees[0].statement.startswith("Assumed: clearance in [-0.06, 0.06]; x from")
+    del body["state"]
+    own = obsdesign.investigate(Problem.from_dict(body))
+    assert [claim.id for claim in own.claims][:3] == [
+        "consistent", "state_box", "observable_window",
+    ]  # fmt: skip
+    body = _of_kind(spring())  # it oscillates: no box is proved
     del body["state"]
     free = obsdesign.investigate(Problem.from_dict(body))
     assert [claim.id for claim in free.claims] == ["consistent"]

@@ -20,14 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, raised, stack
-from obsdesign.equations.interval.certain_bounds import without_effects
-from obsdesign.equations.interval.gains import IntervalGains
+from lmi.arithmetic.enclosure import Enclosure, expm, raised, stack
 from obsdesign.runtime.base import vector
 from obsdesign.runtime.boxes import initial_bounds
-from obsdesign.runtime.interval.kernel import Result
-from obsdesign.runtime.interval.model import exactly, metzler_bound, rounded, shapes, size
-from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.step_cache import shared_step
 
 
@@ -37,6 +32,13 @@ class SizeStep(NamedTuple):
     h: float
     time: float
     u: Matrix
+
+
+class Bounds(NamedTuple):
+    """lower <= x <= upper (n,), as an observer has them."""
+
+    lower: Matrix
+    upper: Matrix
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class StatedBox:
         return bool(large)
 
     def after_row(
-        self, largest: Matrix | None, step: SizeStep, results: Sequence[Result], w: ArrayLike | None
+        self, largest: Matrix | None, step: SizeStep, results: Sequence[Bounds], w: ArrayLike | None
     ) -> Matrix | None:
         """None once the bounds after a row are inside the box, until then no bound of |x|."""
         last = results[-1]
@@ -64,114 +66,7 @@ class StatedBox:
 
 
 @dataclass(frozen=True)
-class StateTube:
-    """The comparison system of a design whose box was proved.
-
-    tube (n,): |x| <= tube just after a jump, or at any time without jumps, is never left.
-    """
-
-    gains: IntervalGains
-    tube: Matrix
-
-    def at_start(self, lower: ArrayLike, upper: ArrayLike) -> Matrix | None:
-        """Bound of |x| (n,), None where the box holds already: never before a jump that is due."""
-        largest = _largest_in(*initial_bounds(len(self.tube), lower, upper))
-        return None if self.gains.G is None and self._holds(largest) else largest
-
-    def ends(self, late: str | None, large: Sequence[str]) -> bool:
-        """Does the box not count in a row at a wrong dwell time, or with inputs too large?"""
-        return late is not None or bool(large)
-
-    def after_row(
-        self, largest: Matrix | None, step: SizeStep, results: Sequence[Result], w: ArrayLike | None
-    ) -> Matrix | None:
-        """Bound of |x| (n,) after a row, None once the box holds.
-
-        largest: before it, None where the box held up to it; results: of the step, and of the jump
-        if there is one, with its input w.
-        """
-        first, *later = results
-        held = self.gains.state_upper
-        assert held is not None
-        largest = self.after(held if largest is None else largest, step)
-        largest = np.minimum(largest, _largest_in(first.lower, first.upper))
-        if later:
-            known = np.zeros(self._jump.inputs.shape[1])
-            known = known if w is None else vector(w, len(known), "w")
-            largest = self.after_jump(largest, known)
-            largest = np.minimum(largest, _largest_in(later[-1].lower, later[-1].upper))
-        may_hold = later or self.gains.G is None
-        return None if may_hold and self._holds(largest) else largest
-
-    def after(self, largest: Matrix, step: SizeStep) -> Matrix:
-        """Bound of |x| (n,) after a step."""
-        flow, once = shared_step(self._steps, step.h, step.time, self._built)
-        terms = 4 * len(largest) + len(step.u) + 8
-        added = self._flow.added(step.u)
-        with np.errstate(over="ignore", invalid="ignore"):
-            grown = raised(flow @ largest + once @ added, terms)
-        return np.where(np.isnan(grown), np.inf, grown)
-
-    def after_jump(self, largest: Matrix, w: Matrix) -> Matrix:
-        """Bound of |x| (n,) after a jump with the known input w (l,)."""
-        terms = 4 * len(largest) + len(w) + 8
-        with np.errstate(over="ignore", invalid="ignore"):
-            return raised(self._jump.state @ largest + self._jump.added(w), terms)
-
-    def _holds(self, largest: Matrix) -> bool:
-        return bool((largest <= self.tube).all())
-
-    def _built(self, h: float, h_error: float) -> tuple[Matrix, Matrix]:
-        n = len(self.tube)
-        identity, zero = exactly(np.eye(n)), exactly(np.zeros((n, n)))
-        W = exactly(self._flow.state).scaled(h, h_error)
-        whole = expm(stack([[W, identity], [zero, zero]]))
-        once = Enclosure(whole.mid[:n, n:], whole.rad[:n, n:]).scaled(h, h_error)
-        flow = np.maximum((whole.mid + whole.rad)[:n, :n], 0.0)
-        return raised(flow, 1), np.maximum(once.upper, 0.0)
-
-    @cached_property
-    def _steps(self) -> OrderedDict[tuple[float, int], tuple[Matrix, Matrix]]:
-        return OrderedDict()
-
-    @cached_property
-    def _flow(self) -> _Growth:
-        own = without_effects(self.gains)
-        return self._growth("A", "B", shapes(own)[0], own.declared_disturbance[1:])
-
-    @cached_property
-    def _jump(self) -> _Growth:
-        own = without_effects(self.gains)
-        return self._growth("G", "E", shapes(own)[1], own.jump_disturbance[1:])
-
-    def _growth(
-        self, state: str, known: str, columns: Enclosure | None, ends: tuple[Matrix, Matrix]
-    ) -> _Growth:
-        """Of the flow or of the jump, by the names of its matrices; columns, ends: of b or c."""
-        X = rounded(getattr(self.gains, state), UNIT)
-        whole = metzler_bound(X) if state == "A" else size(X)
-        disturbance = np.maximum(np.abs(ends[0]), np.abs(ends[1]))
-        if columns is not None:
-            disturbance = raised(size(columns) @ disturbance, 2 * len(disturbance))
-        return _Growth(
-            self._with_effects(whole, state), disturbance,
-            self._with_effects(size(rounded(self._inputs(known), UNIT)), known),
-        )  # fmt: skip
-
-    def _inputs(self, known: str) -> Matrix:
-        values = getattr(self.gains, known)
-        return np.zeros((self.gains.n, 0)) if values is None else np.asarray(values)
-
-    def _with_effects(self, nominal: Matrix, name: str) -> Matrix:
-        listed = [getattr(each, name) for each in self.gains.effects]
-        effects = [size(rounded(X, UNIT)) for X in listed if X is not None]
-        added = sum(effects, np.zeros_like(nominal))
-        total = nominal + raised(added + UNIT * np.abs(nominal), len(listed) + 1)
-        return np.where(added > 0, total, nominal)
-
-
-@dataclass(frozen=True)
-class _Growth:
+class Growth:
     """|x|' or |x+| is at most state |x| + disturbance + inputs |u|."""
 
     state: Matrix
@@ -183,21 +78,80 @@ class _Growth:
         return raised(self.disturbance + self.inputs @ np.abs(u), len(u) + 1)
 
 
+@dataclass(frozen=True)
+class StateTube:
+    """The comparison system of a design whose box was proved; jump: None without jumps.
+
+    tube (n,): |x| <= tube just after a jump, or at any time without jumps, is never left; upper
+    (n,): |x| <= upper as long as the box counts.
+    """
+
+    flow: Growth
+    jump: Growth | None
+    tube: Matrix
+    upper: Matrix
+
+    def at_start(self, lower: ArrayLike, upper: ArrayLike) -> Matrix | None:
+        """Bound of |x| (n,), None where the box holds already: never before a jump that is due."""
+        largest = _largest_in(*initial_bounds(len(self.tube), lower, upper))
+        return None if self.jump is None and self._holds(largest) else largest
+
+    def ends(self, late: str | None, large: Sequence[str]) -> bool:
+        """Does the box not count in a row at a wrong dwell time, or with inputs too large?"""
+        return late is not None or bool(large)
+
+    def after_row(
+        self, largest: Matrix | None, step: SizeStep, results: Sequence[Bounds], w: ArrayLike | None
+    ) -> Matrix | None:
+        """Bound of |x| (n,) after a row, None once the box holds.
+
+        largest: before it, None where the box held up to it; results: of the step, and of the jump
+        if there is one, with its input w.
+        """
+        first, *later = results
+        largest = self.after(self.upper if largest is None else largest, step)
+        largest = np.fmin(largest, _largest_in(first.lower, first.upper))
+        if later and self.jump is not None:
+            known = np.zeros(self.jump.inputs.shape[1])
+            known = known if w is None else vector(w, len(known), "w")
+            largest = self.after_jump(largest, known)
+            largest = np.fmin(largest, _largest_in(later[-1].lower, later[-1].upper))
+        may_hold = later or self.jump is None
+        return None if may_hold and self._holds(largest) else largest
+
+    def after(self, largest: Matrix, step: SizeStep) -> Matrix:
+        """Bound of |x| (n,) after a step."""
+        flow, once = shared_step(self._steps, step.h, step.time, self._built)
+        terms = 4 * len(largest) + len(step.u) + 8
+        added = self.flow.added(step.u)
+        with np.errstate(over="ignore", invalid="ignore"):
+            grown = raised(flow @ largest + once @ added, terms)
+        return np.where(np.isnan(grown), np.inf, grown)
+
+    def after_jump(self, largest: Matrix, w: Matrix) -> Matrix:
+        """Bound of |x| (n,) after a jump with the known input w (l,)."""
+        assert self.jump is not None
+        terms = 4 * len(largest) + len(w) + 8
+        with np.errstate(over="ignore", invalid="ignore"):
+            return raised(self.jump.state @ largest + self.jump.added(w), terms)
+
+    def _holds(self, largest: Matrix) -> bool:
+        return bool((largest <= self.tube).all())
+
+    def _built(self, h: float, h_error: float) -> tuple[Matrix, Matrix]:
+        n = len(self.tube)
+        identity, zero = (Enclosure.exactly(X) for X in (np.eye(n), np.zeros((n, n))))
+        W = Enclosure.exactly(self.flow.state).scaled(h, h_error)
+        whole = expm(stack([[W, identity], [zero, zero]]))
+        once = Enclosure(whole.mid[:n, n:], whole.rad[:n, n:]).scaled(h, h_error)
+        flow = np.maximum((whole.mid + whole.rad)[:n, :n], 0.0)
+        return raised(flow, 1), np.maximum(once.upper, 0.0)
+
+    @cached_property
+    def _steps(self) -> OrderedDict[tuple[float, int], tuple[Matrix, Matrix]]:
+        return OrderedDict()
+
+
 def _largest_in(lower: Matrix, upper: Matrix) -> Matrix:
     """Largest |x| (n,) of a box."""
     return np.maximum(np.abs(lower), np.abs(upper))
-
-
-def known_box(gains: IntervalGains) -> StatedBox | StateTube | None:
-    """The box of the state of an uncertain design; None without any."""
-    lower, upper, tube = gains.state_lower, gains.state_upper, gains.state_tube
-    if lower is None or upper is None or not gains.is_uncertain:
-        return None
-    return StatedBox(lower, upper) if tube is None else StateTube(gains, tube)
-
-
-def known_inputs(gains: IntervalGains) -> KnownInputs:
-    """Bounds of known inputs that the box of a design counts on; none without such a box."""
-    if not gains.is_uncertain:
-        return KnownInputs(None, None)
-    return KnownInputs(gains.input_bound, gains.jump_input_bound)
