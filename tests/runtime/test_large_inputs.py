@@ -32,7 +32,7 @@ _JUMP = {"G": [[0.5, 0], [0, 0.5]], "E": [[0.2], [0]], "dwell_time": [0.5, 2],
 
 
 def _body(kind: str, box: str, jumps: bool = False) -> dict[str, Any]:
-    """Input and jump of an uncertain effect; the box stated, or proved by `interval`."""
+    """Input and jump of an uncertain effect; the box stated, or proved."""
     body = copy.deepcopy(_BODY)
     if jumps:
         body["jump"] = copy.deepcopy(_JUMP)
@@ -82,7 +82,7 @@ def _beyond(batch: Batch, x: Any) -> float:
     return float(np.maximum(batch.lower - x, x - batch.upper).max())
 
 
-_CASES = [("interval", "stated"), ("interval", "proved"), ("set_membership", "stated")]
+_CASES = [(kind, box) for kind in ("interval", "set_membership") for box in ("stated", "proved")]
 
 
 @pytest.mark.parametrize("jumps", [False, True])
