@@ -8,31 +8,36 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.memory import OversizeError
+from obsdesign.data.simulation.parameter_courses import nominal_plant
+from obsdesign.data.simulation.rows import default_until
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.kinds import GIVING_BOUNDS
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
-from obsdesign.studies.comparison.record import ComparisonRecord
+from obsdesign.studies.comparison.record import ComparisonRecord, end_of_record
 from obsdesign.studies.comparison.row import estimates_on, late_rows
 from obsdesign.verification.state_widths import StateWidths, state_labels
 from obsdesign.workflow import Outcome
 
-# rows of the simulation that are used
-_MOST_ROWS = 400
+# rows of the simulation that are used: of bounds, which may take milliseconds each, and of others
+_MOST_BOUNDS, _MOST_ROWS = 400, 5000
 
 
 def typical_values(design: Design) -> list[float | None]:
     """Mean width of the bounds of each state, or mean |error| of its estimate.
 
-    Over the last half of the default simulation (seed 0, 400 rows at most), bounds from one unit
-    about the true initial state; rows without guarantee are left out. None where nothing can be
-    simulated, or no such row has finite bounds.
+    Over the last half of the default simulation (seed 0, 400 rows of bounds or 5000 of estimates at
+    most), bounds from one unit about the true initial state; rows without guarantee are left out.
+    None where nothing can be simulated, or no such row has finite bounds.
     """
     problem = Problem.from_dict(design.problem)
     unknown: list[float | None] = [None] * problem.plant.n
     try:
-        rng = np.random.default_rng(0)
-        record = ComparisonRecord.from_simulation(problem.plant, rng=rng).head(_MOST_ROWS)
+        most = _MOST_BOUNDS if design.kind in GIVING_BOUNDS else _MOST_ROWS
+        record = ComparisonRecord.from_simulation(
+            problem.plant, until=_end(problem.plant, most), rng=np.random.default_rng(0)
+        ).head(most)
         if record.x is None:
             return unknown
         start = np.column_stack([record.x[0] - 1, record.x[0] + 1])
@@ -47,6 +52,16 @@ def typical_values(design: Design) -> list[float | None]:
     else:
         return unknown
     return _means(values[late_rows(estimates)])
+
+
+def _end(plant: Plant, most: int) -> float | None:
+    """End of a simulation with at most so many periods; None where none are stated."""
+    until = end_of_record(plant)
+    period = plant.output.period if plant.has_one_clock else None
+    if period is None:
+        return until
+    until = default_until(nominal_plant(plant), "random") if until is None else until
+    return min(until, most * period)
 
 
 def with_typical(outcome: Outcome) -> Outcome:
