@@ -195,3 +195,33 @@ def test_each_bernstein_coefficient_counts() -> None:
             for remainder, expected in ((Fraction(0), holds_there), (Fraction(1, 2), False)):
                 box = inequality.is_box(forms, check.ball([[remainder]]), h)
                 assert box == expected, (i, top)
+
+
+def test_a_range_is_covered_without_gaps() -> None:
+    """e^(F t) (0, 1)' = (t, 1)' for F = [[0, 1], [0, 0]]: where each proved part begins."""
+    F = check.ball([[Fraction(0), Fraction(1)], [Fraction(0), Fraction(0)]])
+    rng, parts = np.random.default_rng(4), list[tuple[float, float]]()
+
+    def reach(E: check.Ball, length: Fraction) -> Fraction:
+        u = length / 2 ** int(rng.integers(1, 4)) if length > Fraction(1, 2) else length
+        start = E.x[0][0] / (1 << check.BITS)
+        parts.append((start, start + float(u)))
+        return u
+
+    check.Flow(F).cover(check.ball([[Fraction(0)], [Fraction(1)]]), Fraction(3), reach)
+    assert len(parts) > 5
+    assert math.isclose(parts[0][0], 0.0, abs_tol=1e-12)
+    assert math.isclose(parts[-1][1], 3.0)
+    for (_, end), (start, _) in itertools.pairwise(parts):
+        assert math.isclose(end, start, rel_tol=1e-12)
+
+
+def test_rows_are_bounded_from_above(rng: np.random.Generator) -> None:
+    K, B = [[Fraction(-1), Fraction(1)], [Fraction(2), Fraction(-3)]], check.identity(2)
+    v = [[Fraction(1)], [Fraction(2)]]
+    inequality = check.RowDecrease(K, B, v)
+    row = check.Ball([[1 << check.BITS], [3 << check.BITS]], 1 << (check.BITS - 1))
+    q, _ = inequality.rates(row)
+    for r in corners(row, rng, 8):
+        assert all(a <= q * b for (a,), (b,) in zip(r, v, strict=True))
+    assert q < Fraction(18, 10)

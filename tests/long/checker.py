@@ -253,6 +253,12 @@ EXPLAINED = {
     "+ (3))": "a radius larger by a unit is right too",
     "// a.denominator for a in row] for row in X], (2))": "a radius larger by a unit is right too",
     "for _ in range(MOST_HALVINGS if": "when a box that fails is given up; it is certified or not",
+    "is_positive(X.scaled(Fraction(-(2))))": "a positive multiple has the same sign",
+    "c, coarse = ": "where a search begins; what it returns is certified",
+    "c *= 1 + Fraction(1, (17))": "a smaller step; what it returns is certified",
+    "self.boxes += (2)": "fewer boxes",
+    "numbers grow too large": "when numbers are given up",
+    "g = total(tops, self.v,": "any positive share of v makes an upper bound without zeros",
     "if p <= (1):": "a pivot of one unit is given away",
     "max(cells, default=(1))": "one cell more, the whole range, changes nothing",
 }
