@@ -8,14 +8,16 @@ exponential. What 16 terms leave is below 1e-18 of |e^{N c}|.
 from __future__ import annotations
 
 from collections import OrderedDict
+from math import log
 
 import numpy as np
+from numpy import exp
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from lmi.arithmetic.units import reachable
 from obsdesign.equations.gains import PlantGains
-from obsdesign.runtime.length_cells import LengthCells, Place, flow_units
+from obsdesign.runtime.length_cells import NEXT_TO_ZERO, LengthCells, Place, flow_units, from_left
 from obsdesign.runtime.step_cache import cached_step
 
 # lengths whose maps are kept
@@ -62,18 +64,18 @@ class FlowCells:
         series = self._cells.get(place)
         if series is None:
             series = cached_step(self._cells, place, self._series)
-        values: Matrix = np.power(2.0 * x - 1.0, _POWERS).dot(series)
+        values: Matrix = exp(_POWERS * log(x or NEXT_TO_ZERO)).dot(series)
         return values.reshape(self._shape)
 
     def _series(self, place: Place) -> Matrix:
-        """Coefficients of the map at middle + s half, -1 <= s < 1, (_TERMS, rows k)."""
+        """Coefficients of powers of x of the map at middle + (2 x - 1) half, (_TERMS, rows k)."""
         middle, half = self._lengths.ends(place)
         term, terms = expm(self._N * middle), list[Matrix]()
         term = term[: self._shape[0]]
         for k in range(_TERMS):
             terms.append(self._scaled(term).reshape(-1))
             term = term @ self._N * (half / (k + 1))
-        return np.array(terms)
+        return from_left(np.array(terms))
 
     def _scaled(self, values: Matrix) -> Matrix:
         """In the units of N as it is given."""

@@ -8,6 +8,9 @@ that came before.
 from __future__ import annotations
 
 import math
+from functools import cache
+
+import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.units import balance, reachable
@@ -16,6 +19,8 @@ from lmi.arithmetic.units import balance, reachable
 Place = tuple[int, int]
 # of the lengths between two powers of two; with more, steps are too long for any to share a cell
 MOST_CELLS = 64
+# in place of 0 where powers of a place are taken by its logarithm
+NEXT_TO_ZERO = 1e-300
 # shorter steps, next to underflow, have no cells
 _SHORTEST = 2.0**-1000
 
@@ -59,6 +64,20 @@ class LengthCells:
             count = 0
         self._octaves[exponent] = span, count / span
         return self._octaves[exponent]
+
+
+def from_left(coefficients: Matrix) -> Matrix:
+    """Coefficients of powers of x = (s + 1) / 2, (k, ...), from those of powers of s."""
+    return np.tensordot(_from_left(len(coefficients)), coefficients, axes=(0, 0))
+
+
+@cache
+def _from_left(terms: int) -> Matrix:
+    """Coefficients of powers of x in the powers of s, (terms, terms)."""
+    rows = np.eye(terms)
+    for k in range(1, terms):
+        rows[k] = 2.0 * np.roll(rows[k - 1], 1) - rows[k - 1]
+    return rows
 
 
 def flow_units(size: Matrix) -> Matrix:

@@ -31,6 +31,7 @@ from obsdesign.runtime.interval.cell_rows import (
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.kernel_rows import measurement
 from obsdesign.runtime.interval.model import Model, exactly
+from obsdesign.runtime.length_cells import NEXT_TO_ZERO, from_left
 from obsdesign.runtime.step_cache import cached_step
 
 _REACHES = REACH**EXPONENTS
@@ -38,8 +39,6 @@ _REACHES = REACH**EXPONENTS
 _NEGLIGIBLE = 2.0**-45
 # smaller coefficients are rounding or underflow, and slow to multiply with
 _SMALLEST = 1e-200
-# in place of 0 where a logarithm is taken
-NEXT_TO_ZERO = 1e-300
 # errors of lengths for which margins are kept
 _REACHES_KEPT = 4
 
@@ -178,7 +177,7 @@ def shortened(mid: Matrix) -> tuple[Matrix, Matrix, Matrix]:
             break
         lost, mid, degree = more, mid - chebyshev[degree][:, None] * share, degree - 1
     spread = raised(weighed(3.0**EXPONENTS, np.abs(mid)), 2 * TERMS)
-    short = _in_powers_from_the_left()[: degree + 1, : degree + 1].T @ mid[: degree + 1]
+    short = from_left(mid[: degree + 1])
     tiny = np.abs(short) < _SMALLEST
     lost = lost + TERMS * _SMALLEST * tiny.any(axis=0) + 2 * TERMS * UNIT * spread
     return np.where(tiny, 0.0, short), raised(lost, 2 * TERMS), spread
@@ -190,13 +189,4 @@ def _chebyshev() -> Matrix:
     rows = np.eye(TERMS)
     for k in range(2, TERMS):
         rows[k] = 2.0 * np.roll(rows[k - 1], 1) - rows[k - 2]
-    return rows
-
-
-@cache
-def _in_powers_from_the_left() -> Matrix:
-    """Coefficients of powers of (s + 1) / 2 in powers of s, (TERMS, TERMS)."""
-    rows = np.eye(TERMS)
-    for k in range(1, TERMS):
-        rows[k] = 2.0 * np.roll(rows[k - 1], 1) - rows[k - 1]
     return rows

@@ -19,13 +19,13 @@ from numpy import exp
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import UNIT
 from obsdesign.runtime.enclosed_series import REACH, Cell
-from obsdesign.runtime.interval.cell_kernels import NEXT_TO_ZERO, Blank, CellKernel
+from obsdesign.runtime.interval.cell_kernels import Blank, CellKernel
 from obsdesign.runtime.interval.cell_rows import Maps
 from obsdesign.runtime.interval.kernel import Kernel, KernelParts, Product
 from obsdesign.runtime.interval.map_series import Flows, MapSeries, StepSeries
 from obsdesign.runtime.interval.maps import BoxMap
 from obsdesign.runtime.interval.model import Model
-from obsdesign.runtime.length_cells import LengthCells, Place
+from obsdesign.runtime.length_cells import NEXT_TO_ZERO, LengthCells, Place
 from obsdesign.runtime.step_cache import cached_step, shared_error
 
 # cells of lengths between two powers of two, and how many cells have kernels, and maps, at a time
