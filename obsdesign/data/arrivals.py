@@ -70,11 +70,12 @@ class Arrivals:
         if self.needs_all and skip is not None:
             raise InputError(f"{name}: --skip-bad is not available: {_SILENCE}.")
         delays, taken = list[float](), 0
-        if has_stamps and not self.is_stream:
+        in_lines = has_stamps and not self.is_stream
+        if in_lines:
             lines = sorted(lines, key=lambda row: received(row[1]))
         for number, sample in lines:
             try:
-                arrival = self.buffer.insert(sample, number)
+                arrival = self.buffer.insert(sample, number, in_lines=in_lines)
             except ValueError as error:
                 if skip is None:
                     raise InputError(f"{name} line {number}: {error}") from None

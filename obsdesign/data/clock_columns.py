@@ -36,7 +36,8 @@ class ClockColumns:
     """Names of events with their numbers of known inputs, and of sensors with their outputs.
 
     lag: time after which a row is final, the longest `report_delay` plus the largest `time_error`;
-    errors: `time_error` of each event; needs_every_row: does a row without a sample of a sensor
+    errors: `time_error` of each event; sees_after (p,): does an output see the state after an event
+    of its time? needs_every_row: does a row without a sample of a sensor
     that sends on change say that there was none?
     """
 
@@ -45,6 +46,7 @@ class ClockColumns:
     lag: float = 0.0
     errors: tuple[float, ...] = ()
     needs_every_row: bool = False
+    sees_after: tuple[bool, ...] = ()
 
     @classmethod
     def from_problem(cls, problem: Entries, *, has_events: bool = True) -> ClockColumns | None:
@@ -63,6 +65,7 @@ class ClockColumns:
             max(delays) + max(errors, default=0.0),
             errors if any(errors) else (),
             any("sends_on_change" in sensor for sensor in problem["sensor"]),
+            tuple(own.get("sees") == "after" for own in problem["sensor"] for _ in own["C"]),
         )
 
     @cached_property

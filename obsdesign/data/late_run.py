@@ -42,6 +42,7 @@ def arrivals_of(
     buffer = LateRows(
         layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=max(stored.now, stored.t),
         before=stored.t, dt=layout.dt, errors=() if layout.clocks is None else layout.clocks.errors,
+        sees_after=() if layout.clocks is None else layout.clocks.sees_after,
     )  # fmt: skip
     needs_all = layout.clocks is not None and layout.clocks.needs_every_row
     return Arrivals(buffer, remark, is_stream, watch, is_first, needs_all, modes=modes)

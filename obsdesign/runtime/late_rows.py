@@ -13,6 +13,8 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from obsdesign.runtime.announced import first_changed, with_events_ahead
 from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
 from obsdesign.runtime.clocks.time_grid import steps_to_row
@@ -59,17 +61,19 @@ class LateRows:
 
     lag: longest time between a row and its arrival, or the stamp of an event that may come before
     it; may_repeat: rows may share a time; now: time of the last arrival so far; before: that of the
-    row before the buffer; errors: of the time stamps of events; dt: step of discrete time.
+    row before the buffer; errors: of the time stamps of events; dt: step of discrete time;
+    sees_after (p,): does an output see the state after an event of its time?
     `samples` are the rows that a later arrival may still change.
     """
 
     def __init__(
         self, lag: float, *, may_repeat: bool = True, samples: Sequence[Sample] = (),
         now: float = -math.inf, before: float = -math.inf, errors: Sequence[float] = (),
-        dt: float | None = None,
+        dt: float | None = None, sees_after: Sequence[bool] = (),
     ) -> None:  # fmt: skip
         self.lag, self.now, self._may_repeat, self._errors = lag, now, may_repeat, errors
         self._now_before, self._before, self._dt = now, before, dt
+        self._sees_after = np.array(sees_after, dtype=bool)
         self._rows = [_Row(x.t, k - len(samples), x) for k, x in enumerate(samples)]
 
     @property
@@ -77,16 +81,23 @@ class LateRows:
         """The rows of the buffer, with the events behind them that may come before them."""
         return tuple(with_events_ahead([row.sample for row in self._rows], self._errors))
 
-    def insert(self, sample: Sample, rank: int) -> Arrival | None:
+    def insert(self, sample: Sample, rank: int, *, in_lines: bool = False) -> Arrival | None:
         """Put a row in its place; None if it is older than the buffer.
 
-        rank: its place in the order of the file. ValueError for a second row of one time where rows
-        may not share it, and for a time between two steps.
+        rank: its place in the order of the file. in_lines: do rows of one time act in this order
+        also where one is late? Otherwise a late one acts as its sensors see events. ValueError for
+        a second row of one time where rows may not share it, and for a time between two steps.
         """
         self._now_before, self.now = self.now, max(self.now, received(sample))
         if self._is_settled(sample.t):
             return None
         place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
+        if self._now_before > sample.t and not in_lines:
+            stage = self._stage(sample)
+            while place and self._rows[place - 1].t == sample.t:
+                if self._stage(self._rows[place - 1].sample) <= stage:
+                    break
+                place, rank = place - 1, self._rows[place - 1].rank
         self._rows.insert(place, _Row(sample.t, rank, sample))
         try:
             self._check_times(place)
@@ -96,6 +107,13 @@ class LateRows:
         changed = first_changed(sample, self._errors)
         since = bisect_left(self._rows, changed, hi=place, key=lambda row: row.t)
         return Arrival(self.samples, place, self._leaving, since)
+
+    def _stage(self, sample: Sample) -> int:
+        """Where a row acts among those of its time: samples before events, these, samples after."""
+        if sample.y is None or sample.jump or sample.events or not self._sees_after.size:
+            return 1
+        after = self._sees_after[np.isfinite(np.asarray(sample.y, float))]
+        return 1 if len(set(after.tolist())) != 1 else 2 if after[0] else 0
 
     def _check_times(self, place: int) -> None:
         """ValueError unless a row may stand between the one before and the one behind it."""

@@ -313,3 +313,37 @@ def test_a_record_that_is_smoothed_as_a_whole_has_no_late_rows(
     Path("a.csv").write_text("t,arm1,arm2\n0,0,0\n")
     done = ran("run", "d.json", "a.csv", "-o", "f.csv")
     assert str(done.exception).startswith("report_delay: observer.differentiator 'batch'")
+
+
+@pytest.mark.parametrize("sees", ["before", "after"])
+@pytest.mark.parametrize("stdin", [False, True])
+def test_late_rows_of_one_time_act_as_sees_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sees: str, stdin: bool
+) -> None:
+    """A dose of 0.5 and a sample at t = 5; with both in one row, and in any order of arrival."""
+    monkeypatch.chdir(tmp_path)
+    body = {
+        "flow": {"A": [[-0.1]], "disturbance": {"lower": [-0.1], "upper": [0.1]}},
+        "event": [{"name": "dose", "E": [[1]], "every": [1, 20], "report_delay": 2}],
+        "sensor": [{"name": "level", "C": [[1]], "noise_bound": 0.1, "every": [0, 9],
+                    "sees": sees}],
+        "observer": {"kind": "interval"},
+    }  # fmt: skip
+    obsdesign.design(Problem.from_dict(body)).save("d.json")
+
+    def bounds(*rows: str) -> list[str]:
+        record = "\n".join(["t,dose,level", "0,,", *rows, "9,,", ""])
+        Path("a.csv").write_text(record)
+        source = ["d.json"] if stdin else ["d.json", "a.csv"]
+        done = ran("run", *source, "--initial=-1,1", "-o", "e.csv", stdin=record if stdin else None)
+        assert done.exception is None
+        lines = [line.rsplit(",", 1)[0] for line in Path("e.csv").read_text().splitlines()]
+        return [line for line in lines if line.startswith(("6.0,", "9.0,"))]
+
+    whole = bounds("5,0.5,1", "6,,")
+    dose, sample = "5,0.5,", "5,,1"
+    assert bounds(dose, "6,,", sample) == bounds(sample, "6,,", dose)
+    in_time = (sample, dose) if sees == "before" else (dose, sample)
+    assert bounds(*in_time, "6,,") == bounds(sample, "6,,", dose)
+    ends = [[float(x) for x in line.split(",")] for line in (*whole, *bounds(sample, "6,,", dose))]
+    assert np.allclose(ends[:2], ends[2:], rtol=1e-9)
