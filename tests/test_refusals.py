@@ -380,12 +380,30 @@ def test_time_stamps_must_resolve_the_window() -> None:
     observer: Any = obsdesign.runtime.from_design(
         obsdesign.design(obsdesign.Problem.from_dict(PROBLEMS["impulsive_input"]))
     )
-    with pytest.raises(InputError, match=r"t must resolve the window of 1; got t = 1e\+16"):
+    with pytest.raises(
+        InputError, match=r"t must resolve the window of 1 into 16 parts; got t = 1e\+16"
+    ):
         observer.run_batch([0.0, 1e16], [[1.0], [1.0]])
     state = observer.init(0.0)
     with pytest.raises(InputError, match="t must resolve the window of 1"):
         observer.step(state, Sample(1e16, [1.0]))
     assert len(observer.run_batch([0.0, 1e9], [[1.0], [1.0]]).t) == 2
+
+
+def test_time_stamps_must_resolve_the_period_between_whose_samples_onsets_are_looked_for() -> None:
+    """Microseconds since 1970, in seconds, are stamps of four ulps."""
+    body = PROBLEMS["impulsive_input"] | {
+        "output": PROBLEMS["impulsive_input"]["output"]
+        | {"measured": "periodic", "period": 0.125, "noise_std": [0.01]},
+        "observer": {"kind": "impulsive_input", "operator": "samples"},
+    }
+    observer: Any = obsdesign.runtime.from_design(
+        obsdesign.design(obsdesign.Problem.from_dict(body))
+    )
+    fine = 0.125 / 128  # the ulp of 2^42 ... 2^43
+    assert len(observer.run_batch([fine * 2.0**52], [[1.0]]).t) == 1
+    with pytest.raises(InputError, match=r"t must resolve the period of 0\.125 into 100 parts"):
+        observer.run_batch([fine * 2.0**53], [[1.0]])
 
 
 @pytest.mark.parametrize("value", [1e151, -1.7e308])

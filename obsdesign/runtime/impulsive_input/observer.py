@@ -166,7 +166,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
                 raise ValueError(f"{name} must have {width} entries; got {values.shape[1]}.")
             check_size(name, values, t)
         y = centred(y, self.gains)
-        check_resolution(t, self.latency)
+        check_resolution(t, self.gains)
         live, estimates = state.live, []
         for k in range(0, rows, _BLOCK):
             cut = slice(k, k + _BLOCK)
@@ -191,7 +191,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
         check_size("y", y, t)
         y = centred(y, self.gains)
         check_size("u", u, t)
-        check_resolution(t, self.latency)
+        check_resolution(t, self.gains)
         live, decided = self.engine.extended(state.live, t, y, u)
         return replace(
             state, t=float(t[-1]), u=held, started=True, live=live, decided=tuple(decided)

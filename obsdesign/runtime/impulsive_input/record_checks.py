@@ -7,21 +7,25 @@ import math
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.impulsive_input.gains import LARGEST
+from obsdesign.equations.impulsive_input.gains import LARGEST, IntegralGains, SamplesGains
 from obsdesign.errors import InputError
 
-# parts of a window that the last digit of a time stamp must resolve
-_LEAST_PARTS = 16
+# parts of a window, and of a period between whose samples onsets are looked for (operator
+# `samples`), that the last digit of a time stamp must resolve
+_LEAST_WINDOW_PARTS, _LEAST_PERIOD_PARTS = 16, 100
 
 
-def check_resolution(times: Matrix, window: float) -> None:
-    """InputError for a time stamp whose last digit is no small part of the window."""
-    coarse = np.spacing(np.abs(times)) > window / _LEAST_PARTS
+def check_resolution(times: Matrix, gains: IntegralGains | SamplesGains) -> None:
+    """InputError for a time stamp whose last digit is no small part of the window or period."""
+    name, span, parts = "window", gains.window, _LEAST_WINDOW_PARTS
+    if isinstance(gains, SamplesGains):
+        name, span, parts = "period", gains.sample_period, _LEAST_PERIOD_PARTS
+    coarse = np.spacing(np.abs(times)) > span / parts
     if coarse.any():
         t = float(times[np.argmax(coarse)])
         raise InputError(
-            f"t must resolve the window of {window:g}; got t = {t:.10g}, whose last digit stands "
-            f"for {math.ulp(t):.2g}. Count time from a later zero."
+            f"t must resolve the {name} of {span:g} into {parts} parts; got t = {t:.10g}, whose "
+            f"last digit stands for {math.ulp(t):.2g}. Count time from a later zero."
         )
 
 

@@ -246,3 +246,26 @@ def test_a_margin_next_to_the_window_is_answered(turning: bool) -> None:
     for margin in (19.0, 19.9, 19.99999):
         outcome = investigated(observer__margin=margin, **changes)
         assert outcome.verdict == "proved", (margin, outcome.claims)
+
+
+BIAS = ([[-1, 0, 0], [1, -0.5, 0], [0, 0, 0]], [[1], [0], [0]], [[0, 1, 1]])
+FEED = ([[-1, 0, 1], [1, -0.5, 0], [0, 0, 0]], [[1], [0], [0]], [[0, 1, 0]])
+
+
+@pytest.mark.parametrize("plant", [BIAS, FEED], ids=["bias of the sensor", "constant feed"])
+@pytest.mark.parametrize("noise", [{}, {"noise_std": [0.01]}], ids=["exact", "noise"])
+def test_chosen_exponents_are_no_eigenvalues_of_the_chosen_observer(
+    plant: Any, noise: dict[str, Any]
+) -> None:
+    """The slowest pole and the slowest exponent are both those of the window."""
+    flow, direction, output = plant
+    problem = obsdesign.Problem.from_dict({
+        "flow": {"A": flow}, "jump": {"H": direction, "dwell_time": [5, "inf"]},
+        "output": {"C": output, "measured": "periodic", "period": 0.05, **noise},
+        "observer": {"kind": "impulsive_input", "operator": "integral"},
+    })  # fmt: skip
+    gains = gains_from_document(obsdesign.design(problem).gains)
+    assert isinstance(gains, IntegralGains)
+    modes = np.linalg.eigvals(flow_error_matrix(gains.A, gains.K, gains.C))
+    distances = np.abs(gains.exponents[:, None] - modes) / np.abs(gains.exponents)[:, None]
+    assert distances.min() > 1e-4
