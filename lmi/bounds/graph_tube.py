@@ -22,7 +22,7 @@ through, which bounds u there.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,13 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Indices, Matrix
-from lmi.arithmetic.balancing import Scaling
-from lmi.arithmetic.balls import Exact, exact, to_float
+from lmi.arithmetic.balls import Exact, to_float
 from lmi.arithmetic.exponential import expm
-from lmi.bounds.tube import Affine, prove_below
 from lmi.families import horizon
-from lmi.time_budget import UNLIMITED, TimeBudget
-from lmi.verdict import Verdict, proved, undecided
 
 # grid step of floats that steer, times the norm of the flow
 _STEP = 0.03
@@ -125,17 +121,23 @@ class Graph:
             for strategy in strategies:
                 yield from strategy
 
-    def system(self, passage: Passage, v: Exact) -> Affine:
-        """The flow of a passage from the bound that its event makes of v (nodes, n)."""
-        start = v[passage.source]
+    def start(self, passage: Passage, v: Exact) -> Exact:
+        """Start of the flow of a passage: the bound that its event makes of v (nodes, n)."""
+        start: Exact = v[passage.source]
         for stage in () if passage.event is None else self.events[passage.event]:
             start = stage(start)
+        if passage.held is None:
+            return start
+        kept: Exact = np.where(passage.held, v[list(passage.through)].max(axis=0), start)
+        return kept
+
+    def flow(self, passage: Passage) -> tuple[Exact, Exact]:
+        """W (n, n) and f (n,) of a passage."""
         W, f = self.flows[passage.flow]
         if passage.held is None:
-            return Affine(W, f, start)
-        held, kept = np.array(passage.held), v[list(passage.through)].max(axis=0)
-        W = np.where(held[:, None], W * 0, W)
-        return Affine(W, np.where(held, f * 0, f), np.where(held, kept, start))
+            return W, f
+        held = np.array(passage.held)
+        return np.where(held[:, None], W * 0, W), np.where(held, f * 0, f)
 
     @cached_property
     def floats(self) -> FloatGraph:
@@ -249,44 +251,3 @@ class Values:
         """What each passage of a strategy of a node leads to, (passages, n)."""
         k = self.floats.of_node[node] + place
         return self.largest[self.floats.of_strategy[k] : self.floats.of_strategy[k + 1]]
-
-
-def prove_graph(
-    graph: Graph, tube: Sequence[Sequence[float]], budget: TimeBudget = UNLIMITED
-) -> Verdict:
-    """Prove that a tube v (nodes, n) is invariant and attracts; undecided otherwise."""
-    v = np.asarray(tube, dtype=np.float64)
-    if v.shape != (len(graph.nodes), graph.n):
-        return undecided(f"the tube must be {len(graph.nodes)}x{graph.n}")
-    if not (np.isfinite(v).all() and (v > 0).all()):
-        return undecided("the tube is not positive")
-    if not all(graph.nodes) or not all(map(all, graph.nodes)):
-        return undecided("a strategy without passages bounds nothing")
-    with np.errstate(all="ignore"):
-        values = Values(graph.floats, v)
-    exact_v, steps, count = exact(v), 0, 0
-    for node, strategies in enumerate(graph.nodes):
-        if out_of_time := budget.ended():
-            return undecided("the proof did not come to its end", **out_of_time)
-        chosen = values.best(node)
-        for place in np.unique(chosen):
-            for passage in strategies[int(place)]:
-                verdict = _below(graph, passage, exact_v, node, chosen == place)
-                if verdict.outcome != "proved":
-                    return undecided(f"{verdict.evidence['reason']}, at node {node}", node=node)
-                steps += verdict.evidence["steps"]
-                count += 1
-    return proved(method="mean value form in balls", passages=count, steps=steps)
-
-
-def _below(
-    graph: Graph, passage: Passage, v: Exact, node: int, entries: NDArray[np.bool_]
-) -> Verdict:
-    """Is what a passage leads to below v at a node, in these entries?"""
-    if passage.unbounded is not None and (entries & passage.unbounded).any():
-        return undecided("an entry has no bound")
-    system = graph.system(passage, v)
-    units = Scaling.like(to_float(v[node]))
-    scaled = Affine(units.map(system.W), units.rows(system.f), units.rows(system.start))
-    rows, bound = exact(np.eye(graph.n))[entries], units.rows(v[node])[entries]
-    return prove_below(scaled, rows, bound, passage.low, passage.high)

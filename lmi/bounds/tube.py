@@ -13,7 +13,9 @@ What a positive system with inputs tends to under one constant dwell time, from 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -33,6 +35,7 @@ from lmi.arithmetic.balls import (
     solve,
     to_float,
     upper_ends,
+    working_bits,
 )
 from lmi.verdict import Verdict, proved, undecided
 
@@ -70,19 +73,45 @@ _SHORTEST = 2.0**-40  # of the natural time unit: shorter steps mean that nothin
 
 @dataclass(frozen=True)
 class Affine:
-    """u' = W u + f from start; exact (n, n), (n,), (n,)."""
+    """u' = W u + f from start; exact (n, n), (n,), (n,).
+
+    matrices: the exponentials that were computed, by time or radius and precision; a system with
+    another start, made by `dataclasses.replace`, shares them.
+    """
 
     W: Exact
     f: Exact
     start: Exact
+    matrices: dict[tuple[str, float, int], Balls] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
-    @property
+    @cached_property
     def generator(self) -> Exact:
         """Of (u, 1)."""
         n = len(self.f)
         Z = np.full((n + 1, n + 1), self.f[0] * 0, dtype=object)
         Z[:n, :n], Z[:n, n] = self.W, self.f
         return Z
+
+    @property
+    def generator_ball(self) -> Balls:
+        """The generator, at the current precision."""
+        return self._known("generator", 0.0, lambda: ball(self.generator))
+
+    def flow(self, theta: float) -> Balls:
+        """e^(Z theta) of the generator Z."""
+        return self._known("flow", theta, lambda: exp_times(self.generator, theta))
+
+    def flow_around(self, radius: float) -> Balls:
+        """Ball matrix that contains e^(Z s) for every |s| <= radius."""
+        return self._known("around", radius, lambda: exp_around(self.generator, radius))
+
+    def _known(self, name: str, time: float, made: Callable[[], Balls]) -> Balls:
+        key = (name, time, working_bits())
+        if key not in self.matrices:
+            self.matrices[key] = made()
+        return self.matrices[key]
 
 
 @dataclass(frozen=True)
@@ -145,20 +174,20 @@ def prove_below(system: Affine, X: Exact, bound: Exact, low: float, high: float)
 
 
 def _stepped(system: Affine, X: Exact, bound: Exact, low: float, high: float) -> Verdict:
-    Z = system.generator
+    Z = system.generator_ball
     rows = ball(np.hstack([X, -bound[:, None]]))
     start = ball(np.append(system.start, exact([1.0]))[:, None])
     unit = 1.0 / max(float(np.abs(to_float(system.W)).sum(axis=1).max()), 1e-300)
     steady = _steady(system, X, bound) if math.isinf(high) else None
     theta, step = low, min(unit, high - low)
     for count in range(1, STEP_LIMIT + 1):
-        state = exp_times(Z, theta) * start
+        state = system.flow(theta) * start
         if not _negative(rows * state):
             reason = f"the bound fails, or nearly fails, at theta = {theta!r}"
             return undecided(reason, theta=theta, steps=count)
         if theta >= high:
             return proved(steps=count)
-        if _is_decreasing(ball(Z), state) or _is_below(state, steady):
+        if _is_decreasing(Z, state) or _is_below(state, steady):
             return proved(steps=count, tail_from=theta)
         while True:
             end = min(theta + step, high)
@@ -170,18 +199,18 @@ def _stepped(system: Affine, X: Exact, bound: Exact, low: float, high: float) ->
             reach = max(
                 math.nextafter(middle - theta, math.inf), math.nextafter(end - middle, math.inf)
             )
-            if _step(rows, Z, exp_times(Z, middle) * start, reach):
+            if _step(rows, Z, system.flow(middle) * start, system.flow_around(reach), reach):
                 break
             step *= 0.5
         theta, step = end, step * 1.7
     return undecided(f"{STEP_LIMIT} steps did not reach the end", theta=theta, steps=STEP_LIMIT)
 
 
-def _step(rows: Balls, Z: Exact, middle: Balls, reach: float) -> bool:
+def _step(rows: Balls, Z: Balls, middle: Balls, around: Balls, reach: float) -> bool:
     """Mean value form: value in the middle, plus the largest rate times the way to the ends."""
     values = (rows * middle).entries()
     # of the rate in the middle, where a fast state that has settled moves little: e^(Zs) is wide
-    slopes = (rows * (exp_around(Z, reach) * (ball(Z) * middle))).entries()
+    slopes = (rows * (around * (Z * middle))).entries()
     pairs = zip(values, slopes, strict=True)
     return all(bool(value + abs(slope) * number(reach) < 0) for value, slope in pairs)
 

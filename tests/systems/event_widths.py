@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.bounds.graph_tube import prove_graph
+from lmi.bounds.graph_proof import prove_graph
 from lmi.find.graph_tube import proposed_tubes
 from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.event_graph import stability_graph

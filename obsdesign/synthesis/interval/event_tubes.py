@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, NewEntries
-from lmi.bounds.graph_tube import Graph, prove_graph
+from lmi.bounds.graph_proof import prove_graph
+from lmi.bounds.graph_tube import Graph
 from lmi.bounds.step_tube import prove_steps
 from lmi.find.graph_tube import input_sizes, proposed_tubes
 from lmi.find.step_tube import proposed_step_tubes, step_input_sizes

@@ -6,7 +6,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import NewEntries
 from lmi.arithmetic.balls import exact
-from lmi.bounds.graph_tube import Graph, prove_graph
+from lmi.bounds.graph_proof import prove_graph
+from lmi.bounds.graph_tube import Graph
 from lmi.find.graph_tube import MARGINS, input_sizes, proposed_tubes
 from lmi.time_budget import TimeBudget, ended_by_count
 from obsdesign.analysis.interval.mode_graph import MOST_CELLS, ModeSystem, mode_graph

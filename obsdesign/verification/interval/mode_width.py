@@ -11,7 +11,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.arithmetic.balls import exact, to_float
-from lmi.bounds.graph_tube import Graph, prove_graph
+from lmi.bounds.graph_proof import prove_graph
+from lmi.bounds.graph_tube import Graph
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, undecided
 from obsdesign.analysis.interval.mode_graph import MOST_CELLS, ModeGraph, ModeSystem, mode_graph

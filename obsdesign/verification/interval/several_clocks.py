@@ -16,7 +16,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries
 from lmi.arithmetic.balls import exact, to_float
-from lmi.bounds.graph_tube import prove_graph
+from lmi.bounds.graph_proof import prove_graph
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, undecided
 from obsdesign.analysis.interval.clock_widths import ClockSystem

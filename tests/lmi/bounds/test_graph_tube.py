@@ -10,7 +10,8 @@ import pytest
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
-from lmi.bounds.graph_tube import Graph, Least, Passage, prove_graph
+from lmi.bounds.graph_proof import prove_graph
+from lmi.bounds.graph_tube import Graph, Least, Passage
 from lmi.find.graph_tube import input_sizes, proposed_tubes
 from lmi.time_budget import TimeBudget
 

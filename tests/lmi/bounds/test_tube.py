@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,6 +112,21 @@ def test_a_tube_holds_from_its_exact_threshold_on() -> None:
     assert tube_of(2.0, 1.3680, 2.001) == "proved"
     assert tube_of(2.0, 1.3677, 2.001) == "undecided"
     assert tube_of(2.0, 1.3680, 1.999) == "undecided"
+
+
+@pytest.mark.parametrize(("start", "bound"), [(0.0, 1.0), (1.5, 1.6), (2.0, 2.001)])
+def test_systems_of_one_flow_share_exponentials_and_no_verdict(start: float, bound: float) -> None:
+    first, X = Affine(exact([[-1.0]]), exact([1.0]), exact([0.5])), exact([[1.0]])
+    assert prove_below(first, X, exact([1.5]), 0.0, 2.0).outcome == "proved"
+    other, count = replace(first, start=exact([start])), len(first.matrices)
+    alone = Affine(first.W, first.f, other.start)
+    shared, own = (
+        prove_below(system, X, exact([bound]), 0.0, 2.0).evidence for system in (other, alone)
+    )
+    assert shared == own
+    assert len(first.matrices) < count + len(alone.matrices)
+    # the twin: a bound that the other start exceeds, and the first does not
+    assert prove_below(other, X, exact([0.999 * start]), 0.0, 2.0).outcome == "undecided"
 
 
 def test_the_steps_of_a_tube_are_those_of_its_three_bounds() -> None:
