@@ -17,6 +17,7 @@ from obsdesign.problem.options import ImpulsiveOptions, SetMembershipOptions
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
 from obsdesign.studies.typical import with_typical
+from tests.systems.designs import investigated_file, paranoid_verdict
 from tests.systems.impulsive_input import record
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
@@ -33,7 +34,7 @@ def of_kind(kind: str) -> list[Path]:
 )
 def test_an_example_is_proved_and_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     problem = obsdesign.load_problem(path)
-    outcome = obsdesign.investigate(problem)
+    outcome = investigated_file(path)
     design = outcome.design
     assert design is not None
     show_summary(with_typical(outcome), problem.name)
@@ -86,7 +87,7 @@ def test_an_example_of_several_clocks_keeps_its_certified_width(
     path: Path, disturbance: str
 ) -> None:
     problem = obsdesign.load_problem(path)
-    outcome = obsdesign.investigate(problem)
+    outcome = investigated_file(path)
     assert outcome.verdict == "proved"
     widths = np.array([row["width"] for row in outcome.result["states"]])
     until = 10.0 if problem.name.startswith("motor") else 60.0
@@ -113,9 +114,9 @@ def test_an_example_of_several_clocks_keeps_its_certified_width(
 @pytest.mark.parametrize("disturbance", ["zero", "extreme", "random", "sine"])
 @pytest.mark.parametrize("path", ONE_CLOCK, ids=lambda p: p.stem)
 def test_an_example_from_file_to_bounds(path: Path, disturbance: str) -> None:
-    problem = obsdesign.load_problem(path)
-    design = obsdesign.design(problem)
-    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
+    problem, design = obsdesign.load_problem(path), investigated_file(path).design
+    assert design is not None
+    assert paranoid_verdict(path) == "proved"
     initial, box = np.resize([5.0, -1.0], problem.plant.n), problem.plant.state
     if box is not None:
         initial = 0.6 * box.lower + 0.4 * box.upper
@@ -143,7 +144,7 @@ def test_an_example_from_file_to_bounds(path: Path, disturbance: str) -> None:
 def test_an_example_of_tight_bounds_keeps_its_certified_width(path: Path, disturbance: str) -> None:
     problem = obsdesign.load_problem(path)
     plant = problem.plant
-    outcome = obsdesign.investigate(problem)
+    outcome = investigated_file(path)
     states = outcome.result["states"]
     assert all(row["best"] <= row["width"] <= 1.2 * row["best"] for row in states)
     record = simulate(
@@ -197,9 +198,9 @@ def test_cut_bounds_are_below_the_widths_of_either_gains(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("path", of_kind("impulsive"), ids=lambda p: p.stem)
 def test_an_impulsive_example_from_file_to_estimates(path: Path) -> None:
-    problem = obsdesign.load_problem(path)
-    design = obsdesign.design(problem)
-    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
+    problem, design = obsdesign.load_problem(path), investigated_file(path).design
+    assert design is not None
+    assert paranoid_verdict(path) == "proved"
     until = 60 * float(np.mean(problem.require_dwell_time()))
     record = simulate(problem.plant, until=until, step=until / 400, rng=np.random.default_rng(1))
     observer: Any = from_design(design)
@@ -220,9 +221,9 @@ def test_an_impulsive_example_from_file_to_estimates(path: Path) -> None:
 
 @pytest.mark.parametrize("path", of_kind("finite_time"), ids=lambda p: p.stem)
 def test_a_finite_time_example_from_file_to_estimate(path: Path) -> None:
-    problem = obsdesign.load_problem(path)
-    design = obsdesign.design(problem)
-    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
+    problem, design = obsdesign.load_problem(path), investigated_file(path).design
+    assert design is not None
+    assert paranoid_verdict(path) == "proved"
     record = simulate(problem.plant, until=25.0, rng=np.random.default_rng(1))
     batch = from_design(design).run_batch(record.t, record.block("y"), record.block("u"))
     full = np.array([status == "ok" for status in batch.status])
