@@ -1,4 +1,4 @@
-"""Noise of measurements from a record: deviations and bounds, and how far they can be trusted.
+"""Noise of measurements from a record: deviations and bounds.
 
 Around each sample a parabola is fitted to its neighbours; what is left of the sample is noise, as
 far as the signal is a parabola there. Its size follows from the least-squares residual r and the

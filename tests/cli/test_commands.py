@@ -258,8 +258,8 @@ def test_files_that_are_no_design(desk: Path) -> None:
 
 def test_usage(desk: Path) -> None:
     refused(desk, "verify", line="Missing argument 'DESIGN'.")
-    refused(desk, "plot", "good.csv", "-o", "fig.pdf",
-            line="fig.pdf: a picture must end in .png or .svg.")  # fmt: skip
+    refused(desk, "plot", "good.csv", "-o", "fig.gif",
+            line="fig.gif: a picture must end in .png, .svg or .pdf.")  # fmt: skip
     refused(desk, "design", ACADEMIC, "-o", "no/such/folder.json",
             line="no/such/folder.json: cannot be written: no such folder, or a folder itself.")  # fmt: skip
     refused(desk, "simulate", ACADEMIC, "--until", "-1",
