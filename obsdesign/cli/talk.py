@@ -92,7 +92,8 @@ def progress_message(doing: str) -> Iterator[None]:
 
 def _wants_progress() -> bool:
     """Is standard error a terminal that wants more than plain lines?"""
-    return not is_quiet() and "NO_COLOR" not in os.environ and sys.stderr.isatty()
+    has_terminal = sys.stderr is not None and sys.stderr.isatty()  # None where it is closed
+    return has_terminal and not is_quiet() and "NO_COLOR" not in os.environ
 
 
 def output_console() -> Console:
