@@ -259,6 +259,7 @@ EXPLAINED = {
     "self.boxes += (2)": "fewer boxes",
     "numbers grow too large": "when numbers are given up",
     "g = total(tops, self.v,": "any positive share of v makes an upper bound without zeros",
+    "while (norm(Z.x) - n * Z.radius)": "where radii count, they are larger than the rest",
     "if p <= (1):": "a pivot of one unit is given away",
     "max(cells, default=(1))": "one cell more, the whole range, changes nothing",
 }
