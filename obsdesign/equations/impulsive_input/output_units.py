@@ -4,7 +4,8 @@
 all outputs. Each is therefore divided by a unit of its output, which designs store: the deviation
 of its noise, proportional noise that of the largest output that an impulse of weight 1 makes, else
 the radius of its bounds, else the largest that an impulse of weight 1 leaves in its residual. Where
-K cancels an impulse in an output but for rounding, it is what states are without K.
+K cancels an impulse in an output but for rounding, or but for what joining samples by lines leaves
+of it, it is what states are without K.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from obsdesign.equations.plant import Plant
 _POINTS = 200
 # of |C| |x|, x after an impulse without K: what is less is rounding, in any units of x and y
 _LEAST_SHARE = 1e-9
+# of the same, in deviations of sampled outputs from the lines that join the samples
+_LEAST_RESOLVED = 100.0
 
 
 def output_units(plant: Plant, K: Matrix, H: Matrix, tau: float) -> Matrix | None:
@@ -47,5 +50,18 @@ def output_units(plant: Plant, K: Matrix, H: Matrix, tau: float) -> Matrix | Non
     if has_noise(output):
         outputs = np.where(np.isfinite(shown) & (shown > _LEAST_SHARE * whole), shown, whole)
         return np.asarray(np.hypot(output.noise_std, output.noise_cv * outputs))
-    shown = np.isfinite(left) & (left > _LEAST_SHARE * whole)
+    shown = np.isfinite(left) & (left > _least_left(plant, K) * whole)
     return np.where(shown, left, np.where(whole > 0, whole, 1.0))
+
+
+def _least_left(plant: Plant, K: Matrix) -> float:
+    """Part of an impulse that K must leave of an output: of less, samples show their spacing.
+
+    h^2 / 8 |y''| is the largest distance of y from a line between samples h apart.
+    """
+    period = plant.output.period
+    if period is None:
+        return _LEAST_SHARE
+    flows = plant.flow.A, flow_error_matrix(plant.flow.A, K, plant.output.C)
+    fastest = max(float(np.abs(np.linalg.eigvals(flow)).max()) for flow in flows)
+    return max(_LEAST_SHARE, _LEAST_RESOLVED * (fastest * period) ** 2 / 8)

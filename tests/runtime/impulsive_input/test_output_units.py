@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.equations.impulsive_input.output_units import output_units
 from obsdesign.runtime import from_design
 from tests.systems.impulsive_input import CHAIN, events_of, record, rows_from
 
@@ -127,3 +128,43 @@ def test_one_output_has_no_units() -> None:
     forged = replace(design, gains={**design.gains, "output_units": np.ones(1)})
     claims = {claim.id: claim.verdict for claim in obsdesign.verify(forged).claims}
     assert claims["consistent"] == "refuted"
+
+
+TANKS = np.array([[-0.58, 0, 0], [0.58, -0.57, 0], [0, 0.57, -0.6]])
+LEVELS = ((7.02, 1.0), (14.51, 0.01), (22.33, 1.0), (30.01, 0.5), (38.99, 2.0), (47.123, 0.1))
+
+
+@pytest.mark.parametrize("second", [0, 1])
+def test_an_output_that_the_chosen_gain_hides_brings_no_error_of_sampling(second: int) -> None:
+    """K leaves 1e-4 and 2e-5 of an impulse in y1, as much as lines between samples do."""
+    C = np.eye(3)[[2, second]]
+    design = obsdesign.design(obsdesign.Problem.from_dict({
+        "flow": {"A": TANKS.tolist()},
+        "jump": {"H": [[1], [0], [0]], "dwell_time": [6, "inf"]},
+        "output": {"C": C.tolist(), "measured": "periodic", "period": 0.05},
+        "observer": {"kind": "impulsive_input", "operator": "integral"},
+    }))  # fmt: skip
+    t = np.round(0.05 * np.arange(1200), 2)
+    y = record(TANKS, [[1.0], [0], [0]], LEVELS, t, np.zeros(3)) @ C.T
+    events = events_of(rows_from(from_design(design), t, y))
+    assert [event.status for event in events] == ["ok"] * len(LEVELS)
+    for event, (moment, weight) in zip(events, LEVELS, strict=True):
+        assert event.t == pytest.approx(moment, abs=1e-6)
+        assert event.weights[0] == pytest.approx(weight, rel=1e-6)
+
+
+def test_an_output_that_the_gain_leaves_is_taken_by_what_it_leaves() -> None:
+    """K leaves a tenth of an impulse in y1, or 1e-4; a tenth is clear of sampling at 0.005."""
+    C, H = np.eye(3)[[2, 0]], np.eye(3)[:, :1]
+    for speed, period, is_clear in ((6.0, 0.005, True), (6.0, 0.05, False), (6e3, 0.005, False)):
+        plant = obsdesign.Problem.from_dict({
+            "flow": {"A": TANKS.tolist()}, "jump": {"H": H.tolist(), "dwell_time": [6, "inf"]},
+            "output": {"C": C.tolist(), "measured": "periodic", "period": period},
+            "observer": {"kind": "impulsive_input"},
+        }).plant  # fmt: skip
+        K = np.array([[0.0, 0.0], [0.0, 0.0], [speed, 0.0]])
+        units, free = (output_units(plant, gain, H, 4.8) for gain in (K, 0 * K))
+        assert units is not None
+        assert free is not None
+        assert (units[0] < 0.2 * free[0]) == is_clear
+        assert units[1] == pytest.approx(free[1])
