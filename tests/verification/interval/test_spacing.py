@@ -14,7 +14,8 @@ from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
-from obsdesign.workflow import design, investigate, verify
+from obsdesign.workflow import verify
+from tests.systems.designs import designed, investigated
 from tests.systems.switched import valve
 
 Body = dict[str, Any]
@@ -37,7 +38,7 @@ def doses(spacing: float, kind: str = "interval") -> Problem:
 
 
 def width(problem: Problem, name: str = "event_width") -> float:
-    (claim,) = (claim for claim in investigate(problem).claims if claim.id == name)
+    (claim,) = (claim for claim in investigated(problem.to_dict()).claims if claim.id == name)
     assert claim.verdict == "proved"
     return float(np.max(claim.evidence["always"]))
 
@@ -51,7 +52,7 @@ def test_a_longer_spacing_never_widens() -> None:
 
 def test_no_run_exceeds_the_width_that_the_spacing_allows() -> None:
     problem, largest = doses(1.5), 0.0
-    made = design(problem)
+    made = designed(problem.to_dict())
     for seed, dwell in enumerate(("random", "shortest", "random", "random")):
         rng = np.random.default_rng(seed)
         run = simulate(problem.plant, until=150, dwell=dwell, rng=rng)
@@ -69,7 +70,7 @@ def test_no_run_exceeds_the_width_that_the_spacing_allows() -> None:
 
 def altered(spacing: float | None, stated: float | None) -> str:
     """The verdict on the plant's claims with another spacing in the gains, and in the problem."""
-    own = design(doses(1.5))
+    own = designed(doses(1.5).to_dict())
     gains, problem = copy.deepcopy(dict(own.gains)), copy.deepcopy(dict(own.problem))
     for body, key, value in ((gains, "spacing", spacing), (problem, "timing", stated)):
         body.pop(key)
@@ -89,7 +90,7 @@ def test_files_that_lie() -> None:
 
 @pytest.mark.parametrize("kind", ["interval", "set_membership"])
 def test_guard_of_the_spacing(kind: str) -> None:
-    made = design(doses(1.0, kind))
+    made = designed(doses(1.0, kind).to_dict())
     observer = from_design(made)
     state = observer.start(0.0, [-5, 5])
     rows = [(0.0, (0,)), (0.5, (1,)), (1.5, ()), (2.5, (0,)), (5.5, (0, 1))]
@@ -135,7 +136,7 @@ def with_leak(spacing: float) -> Problem:
 def test_spacing_within_modes() -> None:
     near, far = (width(with_leak(spacing), "mode_width") for spacing in (0.0, 4.0))
     assert far < 0.98 * near
-    observer = from_design(design(with_leak(4.0)))
+    observer = from_design(designed(with_leak(4.0).to_dict()))
     state = observer.start(0.0, [-5, 5, -5, 5])
     state, _ = observer.step(state, Sample(0.0, [0.0], jump=True, events=(0,), mode="open"))
     _, estimate = observer.step(state, Sample(1.0, [0.0], jump=True, events=(1,)))
