@@ -12,6 +12,7 @@ import pytest
 
 from docs.figures.demo import numbers
 from obsdesign.pages.plotting.estimate_record import Table
+from tests.test_figures import is_same_picture
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text("utf-8")
@@ -46,6 +47,7 @@ def test_the_demo_makes_what_it_says(tmp_path: Path) -> None:
     for count, kept in rows:
         assert int(count) == int(kept) > 100
     check_caption(folder)
+    assert is_same_picture(folder / "bounds.png", ROOT / "docs" / "demo.png")
 
 
 def check_caption(folder: Path) -> None:

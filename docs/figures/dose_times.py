@@ -16,12 +16,14 @@ import obsdesign
 from docs.figures.folder import chosen
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
+from obsdesign.document import Design
+from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dose_times.toml"
 DOSE, ERROR = 100.0, 0.25
 STAMPS, OFF = (2.0, 8.0, 14.0, 20.0), (0.2, -0.22, 0.1, -0.05)
-SAMPLES, END, STEP = (4.0, 9.0, 13.0, 16.5, 22.0), 26.0, 0.02
+SAMPLES, END, STEP = (4.0, 9.0, 13.0, 16.5, 22.0), 26.0, 0.05
 BLUE, GREY, RED = "#0072B2", "#999999", "#D55E00"
 STATES = ("depot, mg", "plasma, mg", "tissue, mg")
 
@@ -43,12 +45,11 @@ def truth(A: Matrix, t: Matrix) -> Matrix:
     )
 
 
-def run(samples: tuple[float, ...] = SAMPLES) -> Run:
-    """The example on a record of its own, with a row every minute or so."""
-    problem = obsdesign.load_problem(EXAMPLE)
-    observer: Any = from_design(obsdesign.design(problem))
+def run(design: Design, samples: tuple[float, ...] = SAMPLES) -> Run:
+    """The example on a record of its own, with a row every three minutes."""
+    observer: Any = from_design(design)
     t = np.round(np.union1d(np.arange(0, END, STEP), [*STAMPS, *samples]), 9)
-    x = truth(problem.plant.flow.A, t)
+    x = truth(Problem.from_dict(design.problem).plant.flow.A, t)
     rows = [
         Sample(
             s, [0.05 * z[1]] if s in samples else None, None,
@@ -64,7 +65,8 @@ def run(samples: tuple[float, ...] = SAMPLES) -> Run:
 
 def draw(folder: Path) -> None:
     """Three states with their bounds, the windows of the doses shaded."""
-    with_samples, without = run(), run(())
+    design = obsdesign.design(obsdesign.load_problem(EXAMPLE))
+    with_samples, without = run(design), run(design, ())
     figure = Figure(figsize=(8.4, 6.2), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True)
     for i, ax in enumerate(axes):
