@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-# |R| at a peak, in deviations of its worst direction: their square is above the 0.999 quantile of
-# chi-squared of up to 33 features, of which noise alone is
-LEAST_PEAK_DEVIATIONS = 8.0
+# |R| at a peak that is evaluated, in deviations of its worst direction, mostly the impulse's own.
+# Whether an impulse counts its fit decides; errors of the plant make lower maxima
+LEAST_PEAK_DEVIATIONS = 6.0
 # deviations that an impulse must explain, by its position or by its fit: at an age that is given
 # noise does so in 2 of 1e9 windows, and a record has many windows with many ages each
 LEAST_DEVIATIONS = 6.0

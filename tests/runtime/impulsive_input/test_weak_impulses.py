@@ -11,11 +11,11 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.impulsive_input.event import Event
+from obsdesign.runtime.impulsive_input.event import FAINT, Event
 from obsdesign.runtime.impulsive_input.history import History
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER
-from tests.systems.impulsive_input import record
+from tests.systems.impulsive_input import events_of, record, rows_from
 
 CHAIN = ([[-1.0, 0.0, 0.0], [1.0, -0.4, 0.0], [0.0, 0.4, -0.05]], [[0.0, 0.0, 1.0]])
 # an integrator before the output
@@ -111,3 +111,58 @@ def test_rows_far_closer_together_than_the_period(step: float) -> None:
     listed = list(observer.run(observer.start(0.0, [0.1]), rows))
     assert len(listed) == 60
     assert "ok" not in {each.status for each in listed if not np.isfinite(each.x).all()}
+
+
+ROTOR = {"A": [[-1.05, 0], [1, 0]], "dwell": 3.2, "period": 0.035, "noise": 0.07}
+CLOSE = [-4.8, -5.2, -5.5, -5.9, -6.3, -6.6, -7.0, -7.4]  # as the design chooses them
+
+
+@pytest.mark.parametrize("weighting", ["gls", "plain"])
+@pytest.mark.parametrize("weight", [0.3, 0.0])
+def test_impulses_that_the_largest_deviation_of_features_covers_are_evaluated(
+    weighting: str, weight: float
+) -> None:
+    """Rule `peak`: |R| of ten deviations of the impulse is six of its worst direction."""
+    A, H, dwell, noise = np.array(ROTOR["A"]), [[1.0], [0]], ROTOR["dwell"], ROTOR["noise"]
+    design = obsdesign.design(obsdesign.Problem.from_dict({
+        "flow": {"A": A.tolist()}, "jump": {"H": H, "dwell_time": [dwell, "inf"]},
+        "output": {"C": [[0, 1]], "measured": "periodic", "period": ROTOR["period"],
+                   "noise_std": [noise]},
+        "observer": {"kind": "impulsive_input", "operator": "integral", "exponents": CLOSE,
+                     "weighting": weighting},
+    }))  # fmt: skip
+    assert design.gains["rule"] == "peak"
+    rng = np.random.default_rng(0)
+    moments = dwell * (1.3 + np.cumsum(rng.uniform(1.2, 1.7, 6)))
+    train = [(float(at), weight * (-1) ** k) for k, at in enumerate(moments)]
+    t = np.arange(0, moments[-1] + 2 * dwell, ROTOR["period"])
+    y = record(A, H, train, t, np.zeros(2))[:, 1:] + noise * rng.standard_normal((len(t), 1))
+    events = events_of(rows_from(from_design(design), t, y))
+    assert len(events) == (len(train) if weight else 0)
+    assert {event.status for event in events} <= {"ok", *([FAINT] if weighting == "plain" else [])}
+    for event, (moment, size) in zip(events, train, strict=False):
+        assert abs(event.t - moment) < 4 * event.t_std
+        assert abs(event.weights[0] - size) < 4 * event.weights_std[0]
+
+
+@pytest.mark.parametrize("weight", [0.8, 1.3, 2.4])
+def test_an_impulse_far_above_the_threshold_is_evaluated_once_it_is_old_enough(
+    weight: float,
+) -> None:
+    """It is above it while it is younger than the margin by a part of a period."""
+    A, H, dwell, noise = np.array([[-2.46, 0], [2.46, -0.25]]), [[1.0], [0]], 11.3, 0.012
+    design = obsdesign.design(obsdesign.Problem.from_dict({
+        "flow": {"A": A.tolist()}, "jump": {"H": H, "dwell_time": [dwell, "inf"]},
+        "output": {"C": [[0, 1]], "measured": "periodic", "period": 0.119, "noise_std": [noise]},
+        "observer": {"kind": "impulsive_input", "operator": "integral", "smallest_weight": 0.56},
+    }))  # fmt: skip
+    rng = np.random.default_rng(0)
+    moments = dwell * (1.3 + np.cumsum(rng.uniform(1.2, 1.7, 6)))
+    t = np.arange(0, moments[-1] + 2 * dwell, 0.119)
+    y = record(A, H, [(float(at), weight) for at in moments], t, np.zeros(2))[:, 1:]
+    y = y + noise * rng.standard_normal(y.shape)
+    events = events_of(rows_from(from_design(design), t, y))
+    assert [event.status for event in events] == ["ok"] * len(moments)
+    for event, moment in zip(events, moments, strict=True):
+        assert abs(event.t - moment) < 4 * event.t_std
+        assert abs(event.weights[0] - weight) < 4 * event.weights_std[0]
