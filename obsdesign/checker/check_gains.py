@@ -64,7 +64,8 @@ BLOCKS = {
     "luenberger": "M_cells dwell_borders",
     "observer": "kind! gains! form gain_limit objective decay_rate schedule",
 }
-CHOICES = "poles weights width width_weights memory gain_norm structure region"  # not checked
+CHOICES = "poles weights width width_weights memory gain_norm structure region"
+NOT_CHECKED = f"{CHOICES} objective decay_rate"  # the last: by check_design.py
 
 
 class Difference(Exception):
@@ -81,9 +82,9 @@ def demand(condition: bool, reason: str) -> None:
 
 
 def number(value: Any) -> Fraction:
-    """A number of the file, exact: none beyond 1e150, no truth value, no word."""
+    """A number of the file, exact: a double, none beyond 1e150, no truth value, no word."""
     is_number = type(value) in (int, float) and abs(value) <= 1e150  # false for NaN and infinity
-    demand(is_number, f"a number of magnitude at most 1e150 is due; got {value!r:.40}")
+    demand(is_number and value == float(value), f"no double up to 1e150: {value!r:.40}")
     return Fraction(value)
 
 
@@ -125,10 +126,13 @@ def read(value: Any, shape: str, sizes: Dict[str, int]) -> Any:
         demand(all(a >= 0 for a in values), "a number must not be negative")
         return values
     if shape[:3] == "box":
-        demand({*value} <= {"lower", "upper", "rate"}, "a box has lower and upper ends alone")
+        known = {"lower", "upper", "rate"} if shape == "box-q" else {"lower", "upper"}
+        demand({*value} <= known, "a box has lower and upper ends alone, that of d also a rate")
+        if "rate" in value:
+            read(value["rate"], "q+", sizes)
         rows = list(zip(*(array(value[end], shape[4:], sizes) for end in ("lower", "upper"))))
     elif shape == "pairs" and all(isinstance(entry, list) for entry in value):
-        rows = [(low, high) for low, high in array(value, "p2", {**sizes, "2": 2})]
+        rows = [(low, high) for low, high in array(value, "p2", sizes)]
     elif shape == "pairs":
         rows = [(-b, b) for b in array(value, "p", sizes)]
     else:
@@ -193,10 +197,12 @@ class Design:
     def __init__(self, text: str) -> None:
         body = json.loads(text, object_pairs_hook=keys_once)
         signed = {key: value for key, value in body.items() if key != "digest"}
-        canonical = json.dumps(signed, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        canonical = json.dumps(
+            signed, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
+        )
         digest = "sha256:" + hashlib.sha256(canonical.encode("utf-8")).hexdigest()
         demand(body["digest"] == digest, "the digest is not that of the content")
-        sizes: Dict[str, int] = {}
+        sizes: Dict[str, int] = {"2": 2}  # the one size that is known beforehand
         block(body, "design", BLOCKS["design"], sizes)
         is_design = body["format"] == "obsdesign/design" and repr(body["version"]) == "1"
         demand(is_design and body["kind"] in ("interval", "luenberger"), "no design of these kinds")
@@ -208,6 +214,7 @@ class Design:
         is_named = type(body["name"]) is str and body["name"] == problem["name"]
         demand(is_named, "the design and its problem have different names")
         self.flow = block(problem["flow"], "flow", BLOCKS["flow"], sizes)
+        self.rates = ["d_bounds.rate"] if "rate" in problem["flow"].get("d_bounds", {}) else []
         self.jump = (
             block(problem["jump"], "jump", BLOCKS["jump"], sizes) if "jump" in problem else {}
         )
@@ -272,7 +279,8 @@ def given_gains(design: Design) -> Table:
         given["L"] = zeros
     if not design.jump or design.output["jump_measurement"] == "none":
         given["M"] = zeros
-    sizes = [abs(a) for name in "LM" for row in design.gains[name] for a in row]
+    gains = [design.gains["L"], design.gains["M"], *design.gains.get("M_cells", [])]
+    sizes = [abs(a) for gain in gains for row in gain for a in row]
     limit = design.options.get("gain_limit", math.inf)
     demand(max(sizes) <= limit, "a gain is larger than gain_limit")
     return given
@@ -350,7 +358,7 @@ def main(path: str) -> int:
         print("not confirmed:" if code == 1 else "not read:", reason)
         return code
     print("confirmed: the stored gains are those of the stored problem")
-    others = sorted({*CHOICES.split()} & {*design.options})
+    others = sorted({*NOT_CHECKED.split()} & {*design.options}) + design.rates
     print(f"not checked: {', '.join(others)}" if others else "no option is left unchecked")
     return 0
 

@@ -46,6 +46,7 @@ PROBLEM = {
     "flow": "A B D d_bounds disturbance disturbance_matrix input_bound A_radius",
     "jump": "G E H disturbance disturbance_matrix dwell_time dwell_jitter input_bound G_radius",
 }
+# besides: what does not act on the plant by itself; `state`, a box of x, would only restrict it
 BLOCKS = {"name", "names", "output", "observer", "parameter", "state", *PROBLEM}
 
 
@@ -63,9 +64,9 @@ def demand(condition: bool, reason: str) -> None:
 
 
 def number(value: Any) -> Fraction:
-    """A number of the file, exact: none beyond 1e150, no truth value, no word."""
+    """A number of the file, exact: a double, none beyond 1e150, no truth value, no word."""
     is_number = type(value) in (int, float) and abs(value) <= 1e150  # false for NaN and infinity
-    demand(is_number, f"a number of magnitude at most 1e150 is due; got {value!r:.40}")
+    demand(is_number and value == float(value), f"no double up to 1e150: {value!r:.40}")
     return Fraction(value)
 
 
@@ -140,13 +141,16 @@ def corners(parts: List[Matrix]) -> List[Matrix]:
     return result
 
 
-def radius_parameters(block: Table, name: str) -> List[Table]:
+def radius_parameters(block: Table, name: str, n: int) -> List[Table]:
     """A parameter for each entry that is known up to a radius, as `flow.A_radius` says."""
-    rows = block.get(f"{name}_radius", [])
-    result = []
-    for i, j in itertools.product(range(len(rows)), repeat=2):
-        unit = [[float((i, j) == (k, m)) for m in range(len(rows))] for k in range(len(rows))]
-        demand(number(rows[i][j]) >= 0, "a radius must not be negative")
+    result: List[Table] = []
+    if f"{name}_radius" not in block:
+        return result
+    rows = block[f"{name}_radius"]
+    square(rows, n)
+    for i, j in itertools.product(range(n), repeat=2):
+        unit = [[float((i, j) == (k, m)) for m in range(n)] for k in range(n)]
+        demand(rows[i][j] >= 0, "a radius must not be negative")
         result.append({"range": [-rows[i][j], rows[i][j]], "constant": False, name: unit})
     return result
 
@@ -159,7 +163,7 @@ def read_family(problem: Table) -> Family:
     middle = {"A": square(flow["A"], n), "G": square(jump["G"], n) if jump else zeros}
     effects: Dict[str, List[Matrix]] = {"A": [], "G": []}
     stated = [*problem.get("parameter", [])]
-    stated += radius_parameters(flow, "A") + radius_parameters(jump, "G")
+    stated += radius_parameters(flow, "A", n) + radius_parameters(jump, "G", n)
     for parameter in stated:
         known = {"name", "range", "constant", "A", "B", "G", "E", "C"}
         demand({*parameter} <= known, "an entry of a parameter is not known to this program")
@@ -235,7 +239,9 @@ class Design:
     def __init__(self, text: str) -> None:
         body = json.loads(text, object_pairs_hook=keys_once)
         signed = {key: value for key, value in body.items() if key != "digest"}
-        canonical = json.dumps(signed, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        canonical = json.dumps(
+            signed, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
+        )
         digest = "sha256:" + hashlib.sha256(canonical.encode("utf-8")).hexdigest()
         demand(body["digest"] == digest, "the digest is not that of the content")
         is_design = body["format"] == "obsdesign/design" and repr(body["version"]) == "1"
@@ -246,7 +252,8 @@ class Design:
             unknown = {*problem.get(place, {})} - {*names.split()}
             demand(not unknown, f"{place}: {sorted(unknown)} is not known to this program")
         self.family = read_family(problem)
-        low, high = problem["jump"]["dwell_time"] if "jump" in problem else [0, "inf"]
+        self.has_jumps = "jump" in problem
+        low, high = problem["jump"]["dwell_time"] if self.has_jumps else [0, "inf"]
         self.ends: Ends = number(low), math.inf if high == "inf" else number(high)
         demand(0 <= self.ends[0] <= self.ends[1], "dwell_time must be [shortest, longest]")
         evidence = keys_once([(entry["id"], entry["evidence"]) for entry in body["claims"]])
@@ -258,11 +265,13 @@ def prove_design(design: Design) -> List[str]:
     cells = prove_tree(design.family, design.ends, design.certificate, 0)
     low, high = (float(end) for end in design.ends)
     end = "inf)" if high == math.inf else f"{high!r}]"
+    when = f", for every sequence of dwell times in [{low!r}, {end}" if design.has_jumps else ""
     return [
         "proved: the plant by itself tends to zero, for every course of its "
-        f"{len(design.family.is_constant)} parameters in their ranges, for every sequence of dwell "
-        f"times in [{low!r}, {end}, without inputs (cells of constant parameters: {cells})",
-        "not checked: the error of the observer, its gains, and any sentence of the file",
+        f"{len(design.family.is_constant)} parameters in their ranges{when}, without inputs "
+        f"(cells of constant parameters: {cells})",
+        "not checked: the error of the observer, its gains, the box of the state, and any sentence "
+        "of the file",
     ]
 
 

@@ -106,7 +106,6 @@ FALSE: list[tuple[str, str, Change]] = [
     ("schedule", "a P too few", lambda d: evidence(d)["P_cells"].pop()),
     ("windows, jitter", "quicker changes", both("jump/dwell_jitter", 0.6)),
     ("windows, jitter", "a window less", lambda d: evidence(d)["windows"].pop()),
-    ("windows, jitter", "an edge less", lambda d: evidence(d)["edges"].pop()),
     (
         "windows, jitter", "a window twice",
         lambda d: evidence(d)["windows"].append(evidence(d)["windows"][0]),
@@ -156,7 +155,6 @@ READ_WRONG: list[tuple[str, Change]] = [
     ("cooperative", lambda d: d["claims"].clear()),
     ("point, decay", set_in("problem/observer/decay_rate", -0.2)),
     ("windows, jitter", certificate("windows/0/dwell", {"zero": [0.1, 2.0]})),
-    ("windows, jitter", certificate("edges/0/0", True)),
     ("windows, jitter", certificate("windows/0/P/0/0", "1")),
 ]
 
@@ -309,6 +307,14 @@ def test_vectors(side: str, form: str) -> None:
     assert exit_code(system(F, H, ends, vector_proof(side, "at", [1.0, 1.1])), check_design) == 1
     assert exit_code(system([[-2.0, -0.5], [0.3, -1.5]], H, ends, v), check_design) == 1
     assert exit_code(system(F, [[0.9, -0.3], [0.2, 1.1]], ends, v), check_design) == 1
+
+
+@pytest.mark.parametrize("edges", [[], [[0, 0, 0.1, 2.0]], True])
+def test_edges_are_computed_and_not_read(edges: Any) -> None:
+    true, change = body("windows, jitter"), certificate("edges", edges)
+    assert exit_code(changed(true, change), check_design) == 0
+    false = changed(true, both("jump/dwell_jitter", 0.6))
+    assert exit_code(changed(false, change), check_design) == 1
 
 
 def test_windows_that_overlap_do_not_divide() -> None:
