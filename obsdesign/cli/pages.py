@@ -39,7 +39,7 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 def compare(
     *, problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
     kinds: list[str], titles: Mapping[str, str], seconds: float | None, as_json: bool,
-    **options: float | None,
+    until: float | None, step: float | None,
 ) -> int:  # fmt: skip
     """Run the observers that PROBLEM admits on the same record, beside a Kalman filter."""
     import numpy as np
@@ -49,7 +49,7 @@ def compare(
     from obsdesign.studies.comparison.compare import compare as compare_all
     from obsdesign.studies.comparison.record import ComparisonRecord
 
-    made = (seed, *options.values())
+    made = (seed, until, step)
     if data is not None and (simulated or any(value is not None for value in made)):
         raise InputError(
             "--data takes no --simulate, --until, --step or --seed: the record is the file's."
@@ -60,7 +60,7 @@ def compare(
         record = ComparisonRecord.from_file(data, loaded, titles)
     else:
         rng = np.random.default_rng(seed or 0)
-        record = ComparisonRecord.from_simulation(loaded.plant, rng=rng, **options)
+        record = ComparisonRecord.from_simulation(loaded.plant, until=until, step=step, rng=rng)
     with progress_message("comparing observers"):
         rows = list(compare_all(loaded, record, start, kinds=kinds, seconds=seconds))
     if as_json:

@@ -28,7 +28,8 @@ def typical_values(design: Design) -> list[float | None]:
     """Mean width of the bounds of each state, or mean |error| of its estimate.
 
     Over the last half of the default simulation (seed 0, 400 rows of bounds or 5000 of estimates at
-    most), bounds from one unit about the true initial state; rows without guarantee are left out.
+    most), bounds from one unit about the true initial state, parameters at an end of their range
+    (drawn at every row their effects would average out); rows without guarantee are left out.
     None where nothing can be simulated, or no such row has finite bounds.
     """
     problem = Problem.from_dict(design.problem)
@@ -36,7 +37,10 @@ def typical_values(design: Design) -> list[float | None]:
     try:
         most = _MOST_BOUNDS if design.kind in GIVING_BOUNDS else _MOST_ROWS
         record = ComparisonRecord.from_simulation(
-            problem.plant, until=_end(problem.plant, most), rng=np.random.default_rng(0)
+            problem.plant,
+            until=_end(problem.plant, most),
+            rng=np.random.default_rng(0),
+            parameters="extreme",
         ).head(most)
         if record.x is None:
             return unknown

@@ -61,10 +61,13 @@ class ComparisonRecord:
         until: float | None = None,
         step: float | None = None,
         rng: np.random.Generator | None = None,
+        parameters: str = "random",
     ) -> ComparisonRecord:
         """A simulation of the plant, with the options of `simulation.simulate`."""
         until = end_of_record(plant) if until is None else until
-        run = simulate(plant, until=until, step=step, rng=rng, announced=True)
+        run = simulate(
+            plant, until=until, step=step, rng=rng, announced=True, parameters=parameters
+        )
         inputs = {letter: run.block(letter) for letter in "uw" if run.block(letter).size}
         jump = run.happened
         if jump is not None and len(plant.events) == 1:

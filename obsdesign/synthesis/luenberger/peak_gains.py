@@ -94,18 +94,21 @@ class GainSearch:
         return self._moderate(gains_of(result.x))
 
     def _moderate(self, gains: GainPair) -> GainPair:
-        """The gains with entries halved as long as the bounds hardly grow.
+        """The gains with entries halved, first all of them, as long as the bounds hardly grow.
 
-        A state that is measured is known as well as its noise by any gain that is large enough.
+        A state that is measured is known as well as its noise by any gain that is large enough;
+        entries may matter in their ratio alone, so that they shrink together.
         """
         most = (1 + _SPARED) * self.cost(gains)
+        n, p = gains.L.shape
+        columns = [(slice(None), j) for j in range(p)]
         for name in self.free:
-            for place in np.ndindex(gains.L.shape):
+            for place in ((slice(None), slice(None)), *columns, *np.ndindex(n, p)):
                 for factor in (0.0, *[0.5] * _HALVINGS):
                     smaller = getattr(gains, name).copy()
                     smaller[place] *= factor
                     other = gains._replace(**{name: smaller})
-                    if smaller[place] == getattr(gains, name)[place]:
+                    if np.array_equal(smaller, getattr(gains, name)):
                         break
                     if self._admitted_cost(other) <= most:
                         gains = other
@@ -147,15 +150,18 @@ def _least_peak(driven: DrivenPlant) -> Matrix | None:
     """The gain of the inequality whose sum of bounds is least over a line of rates."""
     A, C, units = driven.plant.flow.A, driven.plant.output.C, driven.units
     pace = spectral_radius(np.abs(A)) or 1.0
+    outputs = np.abs(C) @ units  # what the unit of y is does not matter
+    outputs = np.where(outputs > 0, outputs, 1.0)
     system = DisturbedOutput(
-        A * units / units[:, None] / pace, C * units, driven.E / units[:, None] / pace, driven.V
-    )
+        A * units / units[:, None] / pace, C * units / outputs[:, None],
+        driven.E / units[:, None] / pace, driven.V / outputs,
+    )  # fmt: skip
 
     def at(rate: float) -> tuple[float, float, Matrix] | None:
         gain = peak_gain(system, rate)
         if gain is None:
             return None
-        L = units[:, None] * gain.L * pace
+        L = units[:, None] * gain.L * pace / outputs
         return driven.flow_cost(L), rate, L
 
     answers = [answer for answer in map(at, _RATES) if answer is not None]

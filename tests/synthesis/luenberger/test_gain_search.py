@@ -14,8 +14,10 @@ from obsdesign.synthesis.luenberger.driven_plant import GainPair
 from obsdesign.synthesis.luenberger.error_bound import known_box
 from obsdesign.synthesis.luenberger.searched_gains import gain_search
 from obsdesign.workflow import Outcome, investigate
+from tests.systems.designs import designed
+from tests.systems.designs import investigated as outcome
 from tests.systems.parameters import Body
-from tests.verification.luenberger.test_error_bound import bound, kicked, outcome, spring
+from tests.verification.luenberger.test_error_bound import bound, kicked, spring
 
 UNITS = np.array([1.2, 3])
 
@@ -139,3 +141,35 @@ def test_units_of_states_output_and_time_do_not_matter() -> None:
     assert other.design is not None
     bounds = np.array(bound(other).evidence["always"]) / [1, 1000]
     assert bounds == pytest.approx(np.array(bound(plain).evidence["always"]), rel=2e-2)
+
+
+THREE_STATES: Body = {
+    "flow": {"A": [[0, 1, 0], [0, 0, 1], [-2, -5, -4]],
+             "disturbance": {"lower": [0, 0, -0.1], "upper": [0, 0, 0.1]}},
+    "parameter": [{"name": "p", "range": [-0.2, 0.2], "A": [[0, 1, 0], [0, 0, -1], [0, 0, 1]]}],
+    "output": {"C": [[0, 0, -1], [0, 2, 0]], "noise_bound": [0.01, 0.05]},
+    "state": {"lower": [-2, -2, -2], "upper": [2, 2, 2]},
+    "observer": {"kind": "luenberger"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("units", [(8.0, 8.0), (2.0**-10, 2.0**10)])
+def test_units_of_outputs_do_not_change_the_gains(units: tuple[float, float]) -> None:
+    own = designed(THREE_STATES).gains["L"]
+    C, V = np.array([[0, 0, -1.0], [0, 2.0, 0]]), np.array([0.01, 0.05])
+    scale = np.array(units)
+    output = {"C": (C * scale[:, None]).tolist(), "noise_bound": (V * scale).tolist()}
+    other = designed(THREE_STATES | {"output": output}).gains["L"]
+    assert other * scale == pytest.approx(own, rel=1e-4, abs=1e-6 * np.abs(own).max())
+
+
+def test_gains_that_matter_in_their_ratio_alone_are_not_large() -> None:
+    """A heater whose input gain is known to 10 %: gains of 5e4 had the same bounds as of 12."""
+    heater: Body = {
+        "flow": {"A": [[-0.2, 0.1], [0.05, -0.1]], "B": [[1], [0]], "input_bound": [1],
+                 "disturbance": {"lower": [0, -0.01], "upper": [0, 0.01]}},
+        "parameter": [{"name": "gain", "range": [-0.1, 0.1], "B": [[1], [0]]}],
+        "output": {"C": [[0, 1]], "noise_bound": [0.05]},
+        "observer": {"kind": "luenberger"},
+    }  # fmt: skip
+    assert np.abs(designed(heater).gains["L"]).max() < 100
