@@ -10,7 +10,7 @@ from flint import arb, arb_mat, ctx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.arithmetic.enclosure import TINY, Enclosure, _similar, expm, powers
+from lmi.arithmetic.enclosure import TINY, Enclosure, expm, powers, similar
 
 PRECISION = 300  # bits: far more than any case here loses
 
@@ -144,7 +144,7 @@ def test_powers_hold_the_exact_ones_and_stay_narrow() -> None:
 
 def test_units_add_the_smallest_number_where_underflow_may_lose_one() -> None:
     matrix = Enclosure(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0, 0.0], [1e-200, 0.0]]))
-    scaled = _similar(matrix, np.array([2.0**-200, 2.0**200]))
+    scaled = similar(matrix, np.array([2.0**-200, 2.0**200]))
     assert scaled.mid.tolist() == [[0.0, 2.0**-400], [0.0, 0.0]]
     # an entry that is zero for every matrix stays so
     assert scaled.rad.tolist() == [[0.0, TINY], [1e-200 * 2.0**400 + TINY, 0.0]]
