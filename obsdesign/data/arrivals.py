@@ -37,8 +37,8 @@ class Arrivals:
 
     buffer: those that an earlier row may still precede; is_stream: lines come in the order of
     arrival, whatever a column `received` says; remark: called with a sentence for each row that
-    comes too late, which is left out; note: with that row; watch: called with each arrival, once
-    the first row in time names its mode, one of `modes` (none where the mode is known); is_first:
+    comes too late, which is left out; note: with that row and those that wait; watch:
+    called with each arrival, once the first row in time names its mode, one of `modes` (none where the mode is known); is_first:
     is it the first part of a record? needs_all: may no row be left out?
     """
 
@@ -48,7 +48,7 @@ class Arrivals:
     watch: Callable[[Arrival], None] | None = None
     is_first: bool = True
     needs_all: bool = False
-    note: Callable[[Sample], None] | None = None
+    note: Callable[[Sample, Sequence[Sample]], None] | None = None
     modes: Sequence[str] = ()
 
     def in_order(
@@ -87,7 +87,7 @@ class Arrivals:
                 delays.append(self.buffer.now - sample.t)
                 self.remark(f"{name}: {self.buffer.reason_against(sample)}")
                 if self.note is not None:
-                    self.note(sample)
+                    self.note(sample, self.waiting)
                 continue
             taken += 1
             if self.watch is not None and (arrival.samples[0].mode is not None or not self.modes):

@@ -9,7 +9,7 @@ it counts.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from obsdesign.column_names import pairs
 from obsdesign.data.arrivals import BadLine, Remark, Skip
@@ -74,10 +74,13 @@ class LeftOut:
 
         return skip
 
-    def note(self, sample: Sample) -> None:
-        """A row came too late."""
+    def note(self, sample: Sample, waiting: Sequence[Sample]) -> None:
+        """A row came too late; waiting: rows that are taken after those so far."""
         self._lost = min(self._lost, sample.t)
-        if sample.jump or sample.events or self.in_force.is_changed_by(sample):
+        in_force = self.in_force
+        for row in waiting:
+            in_force = in_force.following(row) if row.t <= sample.t else in_force
+        if sample.jump or sample.events or in_force.is_changed_by(sample):
             self._mark(opening(sample.t, self._early))
 
     def _mark(self, after: float) -> None:

@@ -190,6 +190,14 @@ def test_a_late_row_that_changes_nothing(tank: Path, row: str, counts: bool) -> 
     assert marks(lines) == [False, *[counts] * 4]
 
 
+@pytest.mark.parametrize(("u", "counts"), [("0", True), ("2", False), ("", False)])
+def test_a_late_row_behind_one_that_still_waits(tank: Path, u: str, counts: bool) -> None:
+    """The input changes at 3, whose row waits when that of 5 comes: back to 0 is a change."""
+    rows = ["0,,0,,0", "3,,2,,3", f"5,,{u},,9", "10,,,,10", "14,,,,14"]
+    lines = estimates(tank, rows, f"{HEADER},received")
+    assert marks(lines) == [False, False, counts, counts]
+
+
 def test_bounds_of_a_late_measurement_act_on_it_alone(tank: Path) -> None:
     designed(tank, flow=STILL, sensor=[LEVEL])
     rows = ["0,,,,,", "1,,0.01,-0.05,0.05,9", "2,,0,-0.05,0.05,", "3,,,,,", "9,,,,,"]
