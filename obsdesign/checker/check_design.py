@@ -17,12 +17,15 @@ or, for observers that give bounds, a width w = upper - lower with w' = W w, w+ 
 H = N). Dwell times T between jumps lie in a range. The claim: the products of the maps e^(F T) H
 tend to zero for every sequence of them. Certificates are matrices P > 0 with
 
-    M(T)' P M(T) < P      for every T in the range,  M(T) = e^(F T) H,
+    Phi(T)' P Phi(T) < P      for every T in the range,  Phi(T) = e^(F T) H,
 
-or a P for each window of dwell times, or a vector. They stand in the file, whoever made them.
+or a P for each window of dwell times, or a vector. They stand in the file, whoever made them. Each
+jump then shrinks e' P e by a factor below 1 that serves for all T: a closed range is compact, and
+as T -> inf Phi(T) tends to zero, F being proved Hurwitz there. Between jumps |e^(F t)| is bounded,
+on t <= longest T or because F is Hurwitz: so e tends to zero at jumps, and between them.
 
 Inequalities X < Y between symmetric matrices say that Y - X is positive definite; X' is the
-transpose of X. L(X) = F'X + XF is the derivative of e^(F't) X e^(Ft) at t = 0.
+transpose of X. Lyap(X) = F'X + XF is the derivative of e^(F't) X e^(Ft) at t = 0.
 
 Not here: whether the gains are those of the problem in the file, which check_gains.py compares.
 
@@ -177,10 +180,14 @@ def ball(X: Matrix) -> Ball:
 def is_positive(D: Ball) -> bool:
     """Certify D > 0 for all symmetric matrices in a ball d of radius r.
 
-    They differ from d by E with |E_ij| <= r, so that |E| <= n r and D >= d - n r I; the lower
-    triangle of d is used. Elimination: a matrix is positive definite if its first pivot p is
+    The true matrix is symmetric: E' X E, Lyap(X) and sums of them are, for a symmetric X. So the
+    lower triangle alone counts, though the entries of d itself may differ by rounding.
+
+    They differ from d by E with |E_ij| <= r, so that |E| <= n r and D >= d - n r I.
+    Elimination: a matrix is positive definite if its first pivot p is
     positive and so is the Schur complement d_ij - d_i d_j / p of the others. These quotients are
-    rounded down, by less than one unit each: the complement is at least the computed one minus n I.
+    rounded down, so the computed complement is too large by some E, 0 <= E_ij < 1, symmetric since
+    the lower triangle is used: |E| <= n, and the complement is at least the computed one minus n I.
     """
     n, rows = len(D.x), [row[: i + 1] for i, row in enumerate(D.x)]
     given_away = n * D.radius
@@ -211,13 +218,13 @@ def between(E: Ball, X: Ball) -> Ball:
     return E.transpose().times(X.times(E))
 
 
-def derivative(F: Ball, X: Ball) -> Ball:
-    """L(X) = F'X + XF, for a symmetric X: the sum of X F and its transpose."""
+def lyapunov(F: Ball, X: Ball) -> Ball:
+    """Lyap(X) = F'X + XF, for a symmetric X: the sum of X F and its transpose."""
     image = X.times(F)
     return image.plus(image.transpose())
 
 
-def factor(X: Ball, Y: Ball) -> Optional[Fraction]:
+def bounding_factor(X: Ball, Y: Ball) -> Optional[Fraction]:
     """A c with X < c Y, for Y > 0, within some per cent of the least; None if it is above 2^68.
 
     From 2^-60 on c grows by ever smaller steps, each of which is taken if its end does not serve.
@@ -233,8 +240,8 @@ def factor(X: Ball, Y: Ball) -> Optional[Fraction]:
 # 3. The exponential of a flow, and ranges of time ------------------------------------------------
 
 
-Settles = Callable[[Ball], bool]
-Reach = Callable[[Ball, Fraction], Fraction]
+Test = Callable[[Ball], bool]
+Advance = Callable[[Ball, Fraction], Fraction]
 
 
 class Flow:
@@ -251,19 +258,19 @@ class Flow:
             self.maps[t] = exponential(self.F.scaled(t))
         return self.maps[t]
 
-    def prove_range(self, start: Ball, ends: Range, settles: Settles, reach: Reach) -> None:
-        """Prove what `settles` and `reach` certify for E = e^(F t) start and all t of a range.
+    def prove_range(self, start: Ball, ends: Range, holds_from: Test, advance: Advance) -> None:
+        """Prove what `holds_from` and `advance` certify for E = e^(F t) start and all t of a range.
 
-        settles(E): at this t and all later ones. reach(E, length): on [t, t + u], with the u =
-        length / 2^k that it returns.
+        holds_from(E): at this t and all later ones. advance(E, length): on [t, t + u], with the u =
+        length / 2^k that it returns, so that doubling u ends at length exactly.
         """
         low, high = ends
         E = self.map(low).times(start)
-        if not settles(E):
-            length = self.time_of_tail(E, settles) if high == math.inf else high - low
-            self.cover(E, length, reach)
+        if not holds_from(E):
+            length = self.time_of_tail(E, holds_from) if high == math.inf else high - low
+            self.cover(E, length, advance)
 
-    def cover(self, E: Ball, length: Fraction, reach: Reach) -> None:
+    def cover(self, E: Ball, length: Fraction, advance: Advance) -> None:
         """Prove [0, length] from E on: first [0, u], then [u, 2u], [2u, 4u], ... in the same way.
 
         Each of them starts from e^(F u) E. Errors grow with the depth of this recursion, not with
@@ -271,24 +278,24 @@ class Flow:
         """
         self.boxes += 1
         demand(self.boxes <= MOST_BOXES, f"more than {MOST_BOXES} boxes")
-        u = reach(E, length)
+        u = advance(E, length)
         while u < length:
-            self.cover(self.map(u).times(E), u, reach)
+            self.cover(self.map(u).times(E), u, advance)
             u *= 2
 
-    def time_of_tail(self, E: Ball, settles: Settles) -> Fraction:
-        """A time t, by doubling, at which `settles` certifies e^(F t) E."""
+    def time_of_tail(self, E: Ball, holds_from: Test) -> Fraction:
+        """A time t, by doubling, at which `holds_from` certifies e^(F t) E."""
         t = Fraction(1, 1 + (norm(self.F.x) >> BITS))
         step = self.map(t)
         for _ in range(MOST_HALVINGS):
-            if settles(step.times(E)):
+            if holds_from(step.times(E)):
                 return t
             step, t = bounded(step.times(step)), 2 * t
         raise NotProved("no tail was shown to hold, however late")
 
 
 def bounded(X: Ball) -> Ball:
-    """X; NotProved where it holds numbers beyond 2^(3 BITS), which an unstable flow leads to."""
+    """X; NotProved beyond 2^(3 BITS), 2^(4 BITS) units, which an unstable flow leads to."""
     demand(max(norm(X.x), X.radius) >> (4 * BITS) == 0, "numbers grow too large")
     return X
 
@@ -325,26 +332,26 @@ class Decrease:
         self.flow, self.P, self.sources = flow, P, sources
         self.tails = [X for X in map(self.falling, (P, *tails)) if X]
         self.remainder: Optional[Tuple[Ball, Fraction, Fraction]] = None
-        # L^k(P), k = 0 .. DEGREE + 1: the derivatives of Phi(u) = e^(F'u) P e^(Fu) at u = 0
+        # Lyap^k(P), k = 0 .. DEGREE + 1: the derivatives of P(u) = e^(F'u) P e^(Fu) at u = 0
         self.derivatives = [P]
         for _ in range(DEGREE + 1):
-            self.derivatives.append(derivative(flow.F, self.derivatives[-1]))
+            self.derivatives.append(lyapunov(flow.F, self.derivatives[-1]))
 
     def prove(self, right: Ball, ends: Range) -> None:
         """Prove it for all t of a range, or raise NotProved."""
-        self.flow.prove_range(right, ends, self.is_settled, self.reach)
+        self.flow.prove_range(right, ends, self.holds_from, self.advance)
 
     def falling(self, Q: Ball) -> Optional[Ball]:
-        """X = c Q with X > P and L(X) < 0; None if Q is no such matrix.
+        """X = c Q with X > P and Lyap(X) < 0; None if Q is no such matrix.
 
         Then M(t)' P M(t) <= M(t)' X M(t), M(t) = e^(Ft) right, and the right side falls with t.
         """
-        if not is_positive(Q) or not is_negative(derivative(self.flow.F, Q)):
+        if not is_positive(Q) or not is_negative(lyapunov(self.flow.F, Q)):
             return None
-        c = factor(self.P, Q)
+        c = bounding_factor(self.P, Q)
         return None if c is None else Q.scaled(c)
 
-    def is_settled(self, E: Ball) -> bool:
+    def holds_from(self, E: Ball) -> bool:
         """Certify E' X E < S for a falling X > P: it stays true at all later times."""
         return any(self.holds(between(E, X)) for X in self.tails)
 
@@ -352,9 +359,9 @@ class Decrease:
         """Certify form < S for every source."""
         return all(is_less(form, S) for S in self.sources)
 
-    def reach(self, E: Ball, length: Fraction) -> Fraction:
+    def advance(self, E: Ball, length: Fraction) -> Fraction:
         """Prove [0, u] from E on, u = length / 2^k, by a tail or by a box; return u."""
-        if self.is_settled(E):
+        if self.holds_from(E):
             return length
         if self.remainder is None:
             self.remainder = self.best_remainder(E)
@@ -370,19 +377,20 @@ class Decrease:
         raise NotProved("the inequality fails, or nearly fails, at some time in the range")
 
     def best_remainder(self, E: Ball) -> Tuple[Ball, Fraction, Fraction]:
-        """(R, mu, c): R > 0, L(R) <= mu R and L^(DEGREE + 1)(P) <= c R, for boxes from E on.
+        """(R, mu, c) for boxes from E on: R > 0, Lyap(R) <= mu R, Lyap^(DEGREE + 1)(P) <= c R.
 
-        Floats choose among several R; each of them is certified.
+        c, mu >= 0. Whichever is taken is certified: the choice, by floats, affects only the speed.
+        More of I makes R rounder; cost is about one over the length of the box that R allows.
         """
         unit = ball(identity(len(self.P.x))).scaled(Fraction(norm(self.P.x), 1 << BITS))
         shares = (Fraction(0), Fraction(1, 1000), Fraction(1, 30), Fraction(1))
         choices: List[Tuple[float, int, Tuple[Ball, Fraction, Fraction]]] = []
         for R in (*self.tails, *(self.P.plus(unit.scaled(share)) for share in shares)):
             if is_positive(R):
-                growth = derivative(self.flow.F, R)
-                mu = Fraction(0) if is_negative(growth) else factor(growth, R)
-                c = factor(self.derivatives[DEGREE + 1], R)
-                size = factor(between(E, R), self.sources[0])
+                growth = lyapunov(self.flow.F, R)
+                mu = Fraction(0) if is_negative(growth) else bounding_factor(growth, R)
+                c = bounding_factor(self.derivatives[DEGREE + 1], R)
+                size = bounding_factor(between(E, R), self.sources[0])
                 if mu is not None and c is not None and size is not None:
                     cost = max(float(c * size) ** (1 / (DEGREE + 1)), float(mu) / 8)
                     choices.append((cost, len(choices), (R, mu, c)))
@@ -390,12 +398,12 @@ class Decrease:
         return min(choices)[2]
 
     def is_box(self, forms: Balls, remainder: Ball, h: Fraction) -> bool:
-        """Certify E' Phi(u) E < S for all u in [0, h], Phi(u) = e^(F'u) P e^(Fu).
+        """Certify E' P(u) E < S for all u in [0, h], P(u) = e^(F'u) P e^(Fu).
 
-        Phi(u) = sum_k u^k / k! L^k(P), k <= d = DEGREE, plus a remainder of at most eps R
+        P(u) = sum_k u^k / k! Lyap^k(P), k <= d = DEGREE, plus a remainder of at most eps R
         (`remainder_factor`). A polynomial sum_k a_k (u/h)^k is, on [0, h], an average of its
         Bernstein coefficients sum_{k<=i} C(i,k) / C(d,k) a_k, i = 0 .. d. With a_k = h^k / k!
-        E' L^k(P) E it is enough that each of them, plus eps E' R E, is less than S.
+        E' Lyap^k(P) E it is enough that each of them, plus eps E' R E, is less than S.
         """
         a = [X.scaled(h**k / math.factorial(k)) for k, X in enumerate(forms)]
         for i in range(DEGREE, -1, -1):
@@ -411,8 +419,9 @@ class Decrease:
 def remainder_factor(h: Fraction, mu: Fraction, c: Fraction) -> Fraction:
     """eps = c h^(d+1) / (d+1)! 3^m, m >= mu h whole: the Taylor remainder is at most eps R.
 
-    It is the integral of (u - v)^d / d! e^(F'v) L^(d+1)(P) e^(Fv) over v in [0, u], where
-    L^(d+1)(P) <= c R, and e^(F'v) R e^(Fv) <= e^(mu v) R because L(R) <= mu R; e < 3.
+    It is the integral of (u - v)^d / d! e^(F'v) Lyap^(d+1)(P) e^(Fv) over v in [0, u], where
+    Lyap^(d+1)(P) <= c R, and e^(F'v) R e^(Fv) <= e^(mu v) R because Lyap(R) <= mu R; c, mu >= 0
+    so that this grows with u, v; e < 3.
     """
     return Fraction(c * h ** (DEGREE + 1) / math.factorial(DEGREE + 1) * 3 ** math.ceil(mu * h))
 
@@ -424,7 +433,8 @@ class RowDecrease:
     """r(t)' B < v' for a range of t, r(t)' = start' e^(K t): K Metzler, B, start >= 0, v > 0.
 
     If r' <= g' and g' K <= mu g', then r(t + u)' <= g' e^(K u) <= e^(mu u) g' since e^(K u) >= 0;
-    so g' B <= q v' leaves r(t + u)' B <= q e^(mu u) v'. A column holds r.
+    so g' B <= q v' leaves r(t + u)' B <= q e^(mu u) v'. The least such q is max_i (g' B)_i / v_i.
+    A column holds r.
     """
 
     def __init__(self, K: Matrix, B: Matrix, v: Matrix) -> None:
@@ -432,7 +442,7 @@ class RowDecrease:
 
     def prove(self, start: Matrix, ends: Range) -> None:
         """Prove it for all t of a range, or raise NotProved."""
-        Flow(ball(self.K_transposed)).prove_range(ball(start), ends, self.is_settled, self.reach)
+        Flow(ball(self.K_transposed)).prove_range(ball(start), ends, self.holds_from, self.advance)
 
     def rates(self, row: Ball) -> Tuple[Fraction, Fraction]:
         """(q, mu), exact, of g = r + radius + 1e-7 v, which has no zeros."""
@@ -442,13 +452,13 @@ class RowDecrease:
         q = max(a / b for (a,), (b,) in zip(product(self.B_transposed, g), self.v))
         return q, max(a / b for (a,), (b,) in zip(product(self.K_transposed, g), g))
 
-    def is_settled(self, row: Ball) -> bool:
+    def holds_from(self, row: Ball) -> bool:
         """Certify the inequality for all later times: q < 1 and mu <= 0."""
         q, mu = self.rates(row)
         return q < 1 and mu <= 0
 
-    def reach(self, row: Ball, length: Fraction) -> Fraction:
-        """Prove [0, u] by q e^x <= q (1 + x + x^2) < 1, x = mu u <= 1; return u."""
+    def advance(self, row: Ball, length: Fraction) -> Fraction:
+        """Prove [0, u] by q e^x < 1, with e^x <= 1 + x + x^2 for x = mu u <= 1; return u."""
         q, mu = self.rates(row)
         demand(q < 1, "the vector inequality fails, or nearly fails, at some time in the range")
         h = length
@@ -458,6 +468,10 @@ class RowDecrease:
 
 
 # 6. Windows of dwell times -----------------------------------------------------------------------
+#
+# A window is taken at a jump. Offset 0 is the dwell time after this jump, -1 that before it. Cells
+# are half-open, a border belongs to the upper one; the inequalities are proved on their closures.
+# Dwell times before the first jump are invented: any that the ranges and the jitter allow.
 
 Cells = Dict[int, Range]  # offset of a dwell time -> its cell; the whole range where it is missing
 Edge = Tuple[Any, Any, Time, Time]  # window, next window, range of the dwell time between them
@@ -496,7 +510,11 @@ def common_cells(window: Cells, later: Cells, ends: Range) -> Optional[Cells]:
 
 
 def is_reachable(cells: Cells, ends: Range, jitter: Time) -> bool:
-    """Whether dwell times that change by at most `jitter` can be in these cells, one by one."""
+    """Whether dwell times that change by at most `jitter` can be in these cells, one by one.
+
+    Neighbours are compared forwards alone: a necessary condition. Edges too many only add to what
+    has to be proved.
+    """
     first, last = min(cells, default=0), max(cells, default=0)
     low, high = cells.get(first, ends)
     for a, b in (cells.get(j, ends) for j in range(first + 1, last + 1)):
@@ -525,7 +543,7 @@ PROBLEM = {
     "jump": "G E H disturbance disturbance_matrix dwell_time dwell_jitter input_bound",
     "output": "C noise_bound noise_std noise_cv measured period jump_measurement",
 }
-BORDER = Fraction(1, 250_000_000)  # relative room at the borders of a schedule
+BORDER = Fraction(1, 250_000_000)  # relative room at borders, more than observers need
 
 
 def number(value: Any) -> Fraction:
@@ -621,8 +639,9 @@ def is_nonnegative(X: Matrix) -> bool:
 def width_map(X: Matrix, plus: Matrix, minus: Matrix) -> Matrix:
     """The map of the width for X = plus - minus, minus >= 0: plus + minus + |E|.
 
-    E = plus - minus - X is rounding, at most 2^-46 of the largest entry of X. The observer carries
-    it: plus + E^- and minus + E^+ are an exact split.
+    E = plus - minus - X is rounding, at most 2^-46 of the largest entry of X: some operations on
+    doubles, of 2^-53 each; more would be another split. The observer carries it: plus + E^- and
+    minus + E^+ are an exact split.
     """
     E = absolute(difference(difference(plus, minus), X))
     demand(largest(E) <= largest(X) / 2**46, "a stored split is not that of its matrix")
@@ -647,7 +666,8 @@ def width_maps(design: Design) -> Tuple[Matrix, Optional[Matrix]]:
 
     With F, H in coordinates x = S z:  cooperative: F Metzler, H >= 0;  split, coordinates:
     F = D0 - D1, H = Gp - Gn;  two_coordinates, x = S2 z2 at jumps: F Metzler, S2^-1 H S2 = T >= 0,
-    and what maps widths from S to S2 and back are |S2^-1 S| and |S^-1 S2|.
+    and what maps widths from S to S2 and back are |S2^-1 S| and |S^-1 S2|. With these signs the
+    errors upper - x and x - lower, once >= 0, stay so: the bounds hold the state.
     """
     form, unit = design.gains["form"], identity(design.n)
     has_two, is_cooperative = form == "two_coordinates", form == "cooperative"
@@ -658,7 +678,7 @@ def width_maps(design: Design) -> Tuple[Matrix, Optional[Matrix]]:
     S2 = design.array("S2", "nn") if has_two else S
     F, H = error_maps(design, design.array("M", "np"))
     F, D0, D1 = solution(S, product(F, S)), design.array("D0", "nn"), design.array("D1", "nn")
-    slack = largest(F) / 2**46 if has_two else Fraction(0)  # rounding below zero is in D1
+    slack = largest(F) / 2**46 if has_two else Fraction(0)  # D1 holds what is below zero
     is_signed = is_metzler(F, slack) and not (is_cooperative and largest(D1))
     demand(is_signed or form in ("split", "coordinates"), "the flow of the error is not Metzler")
     demand(is_metzler(D0), "D0 is not Metzler")
@@ -685,12 +705,12 @@ def matrices(values: Any, shape: str, n: int) -> Balls:
 
 
 def prove_hurwitz(F: Matrix, candidates: Balls) -> None:
-    """Prove that e^(F t) tends to zero: X > 0 with L(X) < 0, or v > 0 with F v < 0, F Metzler.
+    """Prove that e^(F t) tends to zero: by X > 0, Lyap(X) < 0, or v > 0, F v < 0, F Metzler.
 
     For a Metzler F such a v exists if and only if F v = -(1, ..., 1) has a positive solution.
     """
     forms = [X for X in candidates if len(X.x) == len(F)]
-    if not any(is_positive(X) and is_negative(derivative(ball(F), X)) for X in forms):
+    if not any(is_positive(X) and is_negative(lyapunov(ball(F), X)) for X in forms):
         demand(is_metzler(F), "no matrix X > 0 with F'X + XF < 0 is in the file (evidence.tails)")
         v = solution(F, [[Fraction(-1)] for _ in F])
         demand(all(a > 0 for (a,) in v), "the flow is not proved to decay")
@@ -718,7 +738,7 @@ def prove_stability(design: Design, F: Matrix, H: Matrix, evidence: Table) -> No
 
 
 def read_windows(evidence: Table, ends: Range) -> Tuple[List[Cells], Balls]:
-    """Cells and P of each window: proposals, of which check_partition sees whether they divide."""
+    """Cells and P of each window: proposals, which check_partition and the proofs judge."""
     windows = []
     for entry in evidence["windows"]:
         cells = {int(j): interval(cell) for j, cell in entry["dwell"].items()}
@@ -729,10 +749,11 @@ def read_windows(evidence: Table, ends: Range) -> Tuple[List[Cells], Balls]:
 
 
 def prove_windows(F: Matrix, H: Matrix, edges: List[Edge], P: Balls, tails: Balls) -> None:
-    """M(T)' P_t M(T) < P_s for every window s, every t that can follow it, and all T of both.
+    """Phi(T)' P_t Phi(T) < P_s for every window s, each t that can follow it, all T of both.
 
-    So x' P_w x falls from jump to jump, w the window that the dwell times are in. P may be smaller
-    than F: with H = U V', V' the rows of its echelon form, V' e^(F T) U has the same products.
+    So x' P_w x falls from jump to jump, w the window that the dwell times are in; T, between the
+    two jumps, is at offset 0 of s and -1 of t. P may be smaller than F: with H = U V, V the rows of
+    its echelon form, V e^(F T) U has the same products.
     """
     V, right = identity(len(F)), H
     if len(P[0].x) < len(F):
@@ -741,26 +762,26 @@ def prove_windows(F: Matrix, H: Matrix, edges: List[Edge], P: Balls, tails: Ball
     demand(len(P[0].x) == len(V), "P has neither the size of the plant nor the rank of H")
     demand(all(map(is_positive, P)), "a P is not positive definite")
     sources: Dict[Tuple[int, Time, Time], List[int]] = {}
-    for s, t, low, high in edges:
-        sources.setdefault((t, low, high), []).append(s)
+    for now, after, low, high in edges:
+        sources.setdefault((after, low, high), []).append(now)
     demand(bool(sources), "no window can follow another")
     flow = Flow(ball(F))
-    for (t, low, high), earlier in sources.items():
-        inequality = Decrease(flow, between(ball(V), P[t]), [P[s] for s in earlier], tails)
+    for (after, low, high), earlier in sources.items():
+        inequality = Decrease(flow, between(ball(V), P[after]), [P[s] for s in earlier], tails)
         inequality.prove(ball(right), (low, high))
 
 
 def prove_vector(F: Matrix, H: Matrix, ends: Range, evidence: Table) -> None:
     """One vector v > 0, for F Metzler and H >= 0, with M = e^(F T) H, or H e^(F T) after a jump:
 
-    v' M(T) < v' (left), or M(T) v < v (right), for all T.
+    v' Phi(T) < v' (left), or Phi(T) v < v (right), for all T.
     """
     v = [[a] for a in array(evidence["vector"], "n", {"n": len(F)})]
     left = {"left": True, "right": False}[evidence["side"]]
     before = {"before_jump": True, "after_jump": False}[evidence["form"]]
     demand(all(a > 0 for (a,) in v), "the vector is not positive")
     demand(is_metzler(F) and is_nonnegative(H), "the flow is not Metzler, or the jump negative")
-    if not left:  # the transposed inequality: v' M(T)' < v'
+    if not left:  # the transposed inequality: v' Phi(T)' < v'
         F, H = transposed(F), transposed(H)
     if left == before:  # v' e^(F T) H < v'
         RowDecrease(F, H, v).prove(v, ends)
@@ -782,7 +803,9 @@ def prove_schedule(design: Design, F: Matrix, evidence: Table) -> None:
     """With jump gains M_j for dwell times in cell j: e^(F'T) H_j' P_j H_j e^(FT) < P_i
 
     for all T in cell j, and all i that can precede j: e' P_i e falls from jump to jump. Dwell times
-    near a border, within BORDER of it, may count to either cell.
+    near a border, within BORDER of it, may count to either cell: time stamps are rounded. P_i is
+    that of the cell of the dwell time before, T', and |T - T'| <= jitter: that cell is no further
+    away, max(low_i - high_j, low_j - high_i) <= jitter.
     """
     gains, borders = design.array("M_cells", "znp"), design.array("dwell_borders", "b")
     inner, count = [design.ends[0], *borders, design.ends[1]], len(gains)
@@ -799,7 +822,7 @@ def prove_schedule(design: Design, F: Matrix, evidence: Table) -> None:
     for j, M in enumerate(gains):
         gaps = [max(a - highs[j], lows[j] - b) for a, b in zip(lows, highs)]
         sources = [X for gap, X in zip(gaps, P) if gap <= design.jitter]
-        target = between(ball(error_maps(design, M)[1] or []), P[j])
+        target = between(ball(error_maps(design, M)[1] or []), P[j])  # jumps exist: never []
         Decrease(flow, target, sources, tails).prove(unit, (lows[j], highs[j]))
 
 

@@ -21,9 +21,10 @@ h, has R_(kd), ..., R_(kd+d); after tau_K it stays R_(Kd). With X < Y if Y - X i
     (c)  A'R_(Kd) + R_(Kd) A < 0  if tau_K < high
 
 at all corners A, G of the ranges. (a) has the Bernstein coefficients of A'R + R A + dR/dtau, so
-that x'R(tau)x falls between jumps, by (b) at jumps, and by (c) after the last node. The conditions
-are affine in A and convex in G: what holds at the corners holds in the ranges. The range of a
-constant parameter may be cut in halves, each with a certificate of its own.
+that x'R(tau)x falls between jumps, by (b) at jumps, and by (c) after the last node. R(tau) > 0 by
+(b) where tau >= low, and before it, since x'R(tau)x falls on its way to a positive value there. The
+conditions are affine in A and convex in G: what holds at the corners holds in the ranges. The range
+of a constant parameter may be cut in halves, each with a certificate of its own.
 
 Exit code 0: proved. 1: not proved (which refutes nothing). 2: not a design that this program reads.
 Whatever goes wrong on the way raises an error, and an error never proves anything.

@@ -163,14 +163,16 @@ def test_signs_and_comparisons() -> None:
 def test_factors_are_certified_and_near_the_least() -> None:
     for value in (Fraction(3), Fraction(1, 777), Fraction(10**9)):
         X, Y = check.ball([[value]]), check.ball([[Fraction(1)]])
-        c = check.factor(X, Y)
+        c = check.bounding_factor(X, Y)
         assert c is not None
         assert value < c < value * Fraction(6, 5)
-    assert check.factor(check.ball([[Fraction(2**80)]]), check.ball([[Fraction(1)]])) is None
+    assert (
+        check.bounding_factor(check.ball([[Fraction(2**80)]]), check.ball([[Fraction(1)]])) is None
+    )
 
 
 def test_taylor_remainders_bound_what_they_stand_for() -> None:
-    """Scalar: Phi(u) = p e^(2 f u), whose derivatives, mu and c are known."""
+    """Scalar: P(u) = p e^(2 f u), whose derivatives, mu and c are known."""
     f, p, h = Fraction(3, 4), Fraction(2), Fraction(1, 2)
     mu, c = 2 * f, (2 * f) ** (check.DEGREE + 1)  # R = p
     series = sum(p * (2 * f * h) ** k / math.factorial(k) for k in range(check.DEGREE + 1))
@@ -236,8 +238,8 @@ def test_rates_of_a_row_and_when_it_is_settled() -> None:
         q, mu = inequality.rates(row)
         assert mu == k
         assert Fraction(1, 2) < q < Fraction(1, 2) + Fraction(1, 10**6)
-        assert inequality.is_settled(row) == settled
-    assert not check.RowDecrease([[Fraction(-1)]], [[Fraction(3)]], one).is_settled(row)
+        assert inequality.holds_from(row) == settled
+    assert not check.RowDecrease([[Fraction(-1)]], [[Fraction(3)]], one).holds_from(row)
 
 
 def test_the_series_is_cut_where_it_may_be() -> None:

@@ -243,8 +243,8 @@ def names_of(tally: Counter[tuple[bool, bool]]) -> dict[str, int]:
 # functions of the checker whose mutants are met
 FUNCTIONS = (
     "times", "scaled", "plus", "norm", "ball", "is_positive", "is_negative", "is_less", "between",
-    "derivative", "factor", "prove_range", "cover", "time_of_tail", "bounded", "exponential",
-    "falling", "is_settled", "holds", "reach", "best_remainder", "is_box", "remainder_factor",
+    "lyapunov", "bounding_factor", "prove_range", "cover", "time_of_tail", "bounded", "exponential",
+    "falling", "holds_from", "holds", "advance", "best_remainder", "is_box", "remainder_factor",
     "rates", "check_partition", "common_cells", "is_reachable", "edges_of", "prove_hurwitz",
 )  # fmt: skip
 # survivors that no test has to see: a part of the changed line, and why
