@@ -20,6 +20,7 @@ from tests.systems.checked import (
 )
 from tests.systems.designs import designed
 
+RADIUS = [[0.1, 0.0], [0.0, 0.0]]
 PROGRAMS = (check_design, check_gains, check_uncertain)
 
 
@@ -96,9 +97,8 @@ def test_integers_that_are_no_doubles_are_refused(program: Any) -> None:
             program.number(value)
 
 
-def signed_with(value: float) -> dict[str, Any]:
-    """A design with one more number in evidence, signed although it may be no number."""
-    document = body("point")
+def signed_with(document: dict[str, Any], value: float) -> dict[str, Any]:
+    """The design with one more number in evidence, signed although it may be no number."""
     document["claims"][0]["evidence"]["extra"] = value
     del document["digest"]
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
@@ -109,9 +109,9 @@ def signed_with(value: float) -> dict[str, Any]:
 @pytest.mark.parametrize("value", ["NaN", "Infinity", "1e999"])
 def test_evidence_that_no_proof_reads_is_finite_too(program: Any, value: str) -> None:
     """JSON has no such numbers, although Python reads them."""
-    assert exit_code(signed_with(json.loads(value)), program) == 2
-    for twin in (check_design, check_gains):
-        assert exit_code(signed_with(1.0), twin) == 0
+    for entry, code in ((json.loads(value), 2), (1.0, 0)):
+        document = uncertain(RADIUS) if program is check_uncertain else body("point")
+        assert exit_code(signed_with(document, entry), program) == code
 
 
 @pytest.mark.parametrize("first", ["C", "noise_bound"])
@@ -121,14 +121,14 @@ def test_a_bound_is_due_for_each_output_whatever_stands_first(first: str) -> Non
 
 
 def two_outputs(first: str, count: int) -> dict[str, Any]:
-    """A design with two outputs and bounds of the noise of `count`; an entry stands first."""
+    """Two outputs, of which `count` have bounds in the problem; an entry stands first in it."""
     document = body("shaped inputs")
     for name in ("problem", "gains"):
         block = document[name]["output"] if name == "problem" else document[name]
         block["C"] = [[0.0, 1.0], [1.0, 0.0]]
     document["problem"]["observer"]["gains"] = {}
     document["gains"].update(L=[[0.0, 0.0]] * 2, M=[[0.0, 0.0]] * 2)
-    document["gains"].update(noise_bound=[0.2] * count, noise_centre=[0.1] * count)
+    document["gains"].update(noise_bound=[0.2] * 2, noise_centre=[0.1] * 2)
     output = document["problem"]["output"]
     output.update(noise_std=[0.0] * 2, noise_cv=[0.0] * 2, noise_bound=[[-0.1, 0.3]] * count)
     document["problem"]["output"] = {first: output[first], **output}
@@ -173,7 +173,7 @@ def test_a_rate_of_an_input_is_read_and_named() -> None:
 def uncertain(radius: Any) -> dict[str, Any]:
     """A stable plant with A_radius, by itself, and R = I."""
     problem = {
-        "flow": {"A": [[-1.0, 0.0], [0.0, -1.0]], "A_radius": [[0.1, 0.0], [0.0, 0.0]]},
+        "flow": {"A": [[-1.0, 0.0], [0.0, -1.0]], "A_radius": RADIUS},
         "output": {"C": [[1.0, 0.0]]},
         "observer": {"kind": "luenberger", "gains": {"L": [[0.0], [0.0]]}},
     }
@@ -186,12 +186,12 @@ def uncertain(radius: Any) -> dict[str, Any]:
     [{}, [], None, [[0.1, 0.0]], [[0.1, 0.0, 9.0], [0.0, 0.0]], [[0.1], [0.0]], [[0.1, 0.0], 3]],
 )
 def test_radii_of_another_size_are_refused(radius: Any) -> None:
-    assert exit_code(uncertain([[0.1, 0.0], [0.0, 0.0]]), check_uncertain) == 0
+    assert exit_code(uncertain(RADIUS), check_uncertain) == 0
     assert exit_code(uncertain(radius), check_uncertain) == 2
 
 
 def test_dwell_times_are_named_where_there_are_jumps() -> None:
-    code, text = answer(uncertain([[0.1, 0.0], [0.0, 0.0]]), FOLDER / "check_uncertain.py")
+    code, text = answer(uncertain(RADIUS), FOLDER / "check_uncertain.py")
     assert code == 0
     assert "dwell times" not in text
     assert "the box of the state" in text.splitlines()[-1]
