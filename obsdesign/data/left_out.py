@@ -35,6 +35,10 @@ class LeftOut:
     ) -> None:
         self._has_bounds = pairs(("x1",))[0] in observer.names
         self._may_act = layout.jump or layout.u > 0 or bool(layout.modes)
+        # bounds of b that a row sets which waits from an earlier part on
+        self._may_act |= any(
+            bool(row.bounds) and row.bounds[0] is not None for row in progress.late
+        )
         # an event may be earlier than its stamp
         self._early = 0.0 if layout.clocks is None else max(layout.clocks.errors, default=0.0)
         # rows of a time act one after the other; where they may be late, the first ones are final

@@ -198,6 +198,18 @@ def test_a_late_row_behind_one_that_still_waits(tank: Path, u: str, counts: bool
     assert marks(lines) == [False, False, counts, counts]
 
 
+@pytest.mark.parametrize(("bounds", "counts"), [("-0.1,0.1", True), (",", False)])
+def test_narrow_bounds_of_a_row_that_waits_in_a_state(
+    tank: Path, bounds: str, counts: bool
+) -> None:
+    designed(tank, flow=STILL, event=None, sensor=[LEVEL | {"report_delay": 2}])
+    header, state = "t,level,b1_lo,b1_hi", str(tank / "s.json")
+    estimates(tank, ["0,,,", "1,,,", f"3,,{bounds}"], header, state=state)
+    later = estimates(tank, ["5,oops,,", "12,,-0.1,0.1", "20,,,"], header, state=state,
+                      goes_on=True, skip_bad=True)  # fmt: skip
+    assert any(marks(later)) is counts
+
+
 def test_bounds_of_a_late_measurement_act_on_it_alone(tank: Path) -> None:
     designed(tank, flow=STILL, sensor=[LEVEL])
     rows = ["0,,,,,", "1,,0.01,-0.05,0.05,9", "2,,0,-0.05,0.05,", "3,,,,,", "9,,,,,"]
