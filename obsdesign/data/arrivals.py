@@ -37,9 +37,9 @@ class Arrivals:
 
     buffer: those that an earlier row may still precede; is_stream: lines come in the order of
     arrival, whatever a column `received` says; remark: called with a sentence for each row that
-    comes too late, which is left out; note: with that row and those that wait; watch:
-    called with each arrival, once the first row in time names its mode, one of `modes` (none where the mode is known); is_first:
-    is it the first part of a record? needs_all: may no row be left out?
+    comes too late, which is left out; note: with that row and those that wait; watch: called with
+    each arrival, once the first row in time names its mode, one of `modes` (none where the mode is
+    known); is_first: is it the first part of a record? needs_all: may no row be left out?
     """
 
     buffer: LateRows
