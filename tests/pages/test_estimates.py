@@ -69,7 +69,7 @@ def test_a_page_of_tight_bounds_has_the_interval_observer_by_itself(tmp_path: Pa
     page = out.read_text("utf-8")
     assert "<!-- interval -->" in _picture(page)
     for row in result["states"]:
-        assert all(f"<td>{row[key]:.4g}</td>" in page for key in ("width", "best", "ratio"))
+        assert all(f"<td>{row[key]:.3g}</td>" in page for key in ("width", "best"))
 
 
 def test_only_proved_bounds_of_the_same_plant_stand_beside(
