@@ -136,7 +136,7 @@ class Signals:
         """Truth of the unknown input, (rows, q)."""
         return np.array(
             [self.unknown_input.value(k, t) for k, t in enumerate(times.tolist())]
-        ).reshape(len(times), -1)
+        ).reshape(len(times), self.unknown_input.held.shape[1])
 
 
 def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Signals:

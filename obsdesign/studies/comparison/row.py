@@ -94,7 +94,8 @@ def _errors(
     errors: NewEntries = {}
     if record.x is not None and len(record.x) == len(x):
         error = np.abs(x - record.x)[counted]
-        worst = float(np.nanmax(error)) if np.isfinite(error).any() else None
+        finite = error[np.isfinite(error)]
+        worst = float(finite.max()) if finite.size else None
         errors |= {"error": _size(error), "worst": worst}
     if record.d is not None and d is not None and len(record.d) == len(d):
         # what is known at a row is the mean of d over the interval before it

@@ -86,3 +86,14 @@ def test_files_without_what_is_needed_are_refused(text: str, message: str, tmp_p
     with pytest.raises(InputError) as refused:
         stated(tmp_path, text)
     assert message in str(refused.value)
+
+
+@pytest.mark.parametrize("D", [None, [[1], [0]]])
+def test_a_simulation_may_end_before_its_first_row(D: Any) -> None:
+    """Measured at jumps alone, none of which comes in time."""
+    body = {"flow": {"A": [[-1, 0], [1, -2]]} | ({} if D is None else {"D": D}),
+            "jump": {"dwell_time": [5, 6]},
+            "output": {"C": [[0, 1]], "measured": "at_jumps"}}  # fmt: skip
+    record = simulate(Problem.from_dict(body).plant, until=2.0)
+    assert len(record.t) == 0
+    assert record.block("d").shape == (0, 0 if D is None else 1)
