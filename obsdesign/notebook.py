@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Array, Matrix, Value
 from obsdesign.column_names import STATUS, TIME
-from obsdesign.data.csv_lines import OWN_TITLES
+from obsdesign.data.csv_lines import OWN_TITLES, all_titles
 from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
 from obsdesign.data.simulation import Simulation
@@ -239,8 +239,7 @@ def run(
         source, out = _data_file(data, folder), str(Path(folder, "estimates.csv"))
         events = str(Path(folder, "events.csv")) if signed.kind == "impulsive_input" else None
         tally = execute(path, source, out, initial, events, titles=rename, skip_bad=skip_bad)
-        names = Problem.from_dict(signed.problem).names.columns
-        titles = {**names, **{title: names.get(of, of) for title, of in rename.items()}}
+        titles = all_titles(Problem.from_dict(signed.problem).names.columns, rename)
         tables = (Table.from_file(out), Table.from_file(source, titles), Table.from_file(events))
     return Estimates(signed, tables, tally)
 

@@ -7,6 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TextIO
 
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
 
 # characters: hundreds of columns of numbers in full
@@ -53,6 +57,14 @@ def columns_titled(header: Sequence[str], titles: Mapping[str, str]) -> list[str
     if stripped:
         stripped[0] = stripped[0].removeprefix("\ufeff")  # the mark of UTF-8 by some programs
     return [titles.get(title, title) for title in stripped]
+
+
+def column_numbers(columns: Mapping[str, list[str]], name: str, path: str) -> Matrix:
+    """A column of a table as floats, NaN where a cell is empty; InputError for other texts."""
+    try:
+        return np.array(numbers_from_cells(columns[name]))
+    except ValueError as error:
+        raise InputError(f"{path}: column {name!r} must hold numbers; {error}.") from None
 
 
 def read_columns(path: str, titles: Mapping[str, str] = OWN_TITLES) -> dict[str, list[str]]:

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.data.csv_lines import OWN_TITLES, read_columns
-from obsdesign.entries import numbers_from_cells
+from obsdesign.data.csv_lines import OWN_TITLES, column_numbers, read_columns
 from obsdesign.errors import InputError
 
 # samples of a parabola, and its degree
@@ -67,20 +66,13 @@ def estimate_noise(
     listed = columns or tuple(x for x in table if x[0] == "y" and x[1:].isdigit())
     if "t" not in table or not listed:
         raise InputError(f"{path}: columns t and y1, ... are required; it has {', '.join(table)}.")
-    t, events = _numbers(table, "t", path), _events(table)
+    t, events = column_numbers(table, "t", path), _events(table)
     estimates = []
     for name in listed:
         if name not in table:
             raise InputError(f"{path}: column {name!r} is required; it has {', '.join(table)}.")
-        estimates.append(_estimate(name, t, _numbers(table, name, path), events, path))
+        estimates.append(_estimate(name, t, column_numbers(table, name, path), events, path))
     return estimates
-
-
-def _numbers(table: Mapping[str, list[str]], name: str, path: str) -> Matrix:
-    try:
-        return np.array(numbers_from_cells(table[name]))
-    except ValueError as error:
-        raise InputError(f"{path}: column {name!r} must hold numbers; {error}.") from None
 
 
 def _events(table: Mapping[str, list[str]]) -> NDArray[np.bool_]:

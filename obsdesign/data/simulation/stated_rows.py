@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import JUMP, MODE, TIME, numbered
-from obsdesign.data.csv_lines import OWN_TITLES, all_titles, read_columns
+from obsdesign.data.csv_lines import OWN_TITLES, all_titles, column_numbers, read_columns
 from obsdesign.data.simulation.discrete_times import require_steps
 from obsdesign.data.simulation.rows import Instants
 from obsdesign.data.simulation.signals import Signals
 from obsdesign.data.simulation.stays import ModeTimes
-from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -149,7 +148,4 @@ def _required(columns: _Columns, titles: Sequence[str], path: str) -> Matrix:
             )
         if not columns[title]:
             raise InputError(f"{path}: at least one row is required; there is only a header.")
-    try:
-        return np.array([numbers_from_cells(columns[title]) for title in titles]).T
-    except ValueError as error:
-        raise InputError(f"{path}: column {titles[0]!r} must hold numbers; {error}.") from None
+    return np.array([column_numbers(columns, title, path) for title in titles]).T

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.column_names import JUMP, MODE, TIME
-from obsdesign.data.csv_lines import OWN_TITLES, read_columns
-from obsdesign.entries import numbers_from_cells
+from obsdesign.data.csv_lines import OWN_TITLES, column_numbers, read_columns
 from obsdesign.errors import InputError
 from obsdesign.problem.signal_names import SignalNames
 
@@ -52,10 +51,7 @@ class Table:
         if name not in self.columns:
             known = ", ".join(self.columns)
             raise InputError(f"{self.path}: column {name!r} is required; it has {known}.")
-        try:
-            return np.array(numbers_from_cells(self.columns[name]))
-        except ValueError as error:
-            raise InputError(f"{self.path}: column {name!r} must hold numbers; {error}.") from None
+        return column_numbers(self.columns, name, self.path)
 
     def drawable(self, name: str) -> Matrix:
         """A column as floats, NaN where the drawing library would overflow."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import sys
 import threading
@@ -22,8 +21,9 @@ from obsdesign.runtime import Sample
 from obsdesign.runtime.clocks.time_stamps import length_error
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.observer import IntervalObserver
-from obsdesign.runtime.interval.step_kernels import KernelsOfStep, StepKernels
+from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.step_cache import shared_length, shared_lengths
+from tests.runtime.interval.test_observer import KernelsWithoutMargin
 from tests.runtime.interval.test_samples import sampled_observer
 from tests.systems.interval_runs import observer_for
 
@@ -138,18 +138,6 @@ def test_bounds_contain_states_in_fifty_digits(mode: str, clock: tuple[float, fl
 
 
 # --- rounding ---------------------------------------------------------------------------------
-
-
-class KernelsWithoutMargin(StepKernels):
-    def _of_length(self, h: float, h_error: float, size: float) -> KernelsOfStep:
-        whole = super()._of_length(h, h_error, size)
-        return KernelsOfStep(whole.box_map, lambda name: without_margin(whole[name]))
-
-
-def without_margin(kernel: Kernel) -> Kernel:
-    rows = kernel.rows.copy()
-    rows[:, kernel.middle :] = 0.0
-    return dataclasses.replace(kernel, rows=rows)
 
 
 class WithoutMargin(IntervalObserver):
