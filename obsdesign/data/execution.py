@@ -84,7 +84,8 @@ def execute(
             late = arrivals if record.layout.lag > 0 else None
             estimates = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
         tally = _write(observer, map(left_out.marked, estimates), out, log, live=live)
-    ended = replace(parts.progress, left_out=left_out.counts, in_force=left_out.in_force)
+    ended = replace(parts.progress, left_out=left_out.counts, in_force=left_out.in_force,
+                    first=left_out.first)  # fmt: skip
     _save(state, signed, ended, arrivals)
     signs = [*_void(name, tally), *scale.remarks(name)]
     for text in [*_unproved(design, signed), *remarks, *signs]:

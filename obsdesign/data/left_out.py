@@ -46,13 +46,14 @@ class LeftOut:
         self.in_force, self._latest = progress.in_force, progress.t
         self._begins = self._has_bounds and progress.initial is not None
         # times of the first row that is taken, and of the first one that is left out
-        self._first, self._lost = math.inf if self._begins else -math.inf, math.inf
+        self.first, self._lost = progress.first, math.inf
         self._after = -math.inf if progress.left_out else after
 
     @property
     def after(self) -> float:
         """Time behind which bounds are known to miss a row; infinity where none is."""
-        return -math.inf if self._lost < self._first else self._after
+        misses_first = self._has_bounds and self._lost < self.first
+        return -math.inf if misses_first else self._after
 
     @property
     def counts(self) -> bool:
@@ -95,7 +96,7 @@ class LeftOut:
     def watched(self, samples: Iterator[Sample]) -> Iterator[Sample]:
         """The rows that are taken."""
         for sample in samples:
-            self._latest, self._first = sample.t, min(self._first, sample.t)
+            self._latest, self.first = sample.t, min(self.first, sample.t)
             self.in_force = self.in_force.following(sample)
             yield sample
 

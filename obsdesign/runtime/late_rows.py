@@ -22,6 +22,7 @@ from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.status import with_reasons
 
 PROVISIONAL = "provisional"
+_EVENT = 1  # between samples that see the state before it, 0, and after it, 2
 
 
 class _Row(NamedTuple):
@@ -82,7 +83,7 @@ class LateRows:
         return tuple(with_events_ahead([row.sample for row in self._rows], self._errors))
 
     def insert(self, sample: Sample, rank: int, *, in_lines: bool = False) -> Arrival | None:
-        """Put a row in its place; None if it is older than the buffer.
+        """Put a row in its place; None if it has none, as `reason_against` says.
 
         rank: its place in the order of the file. in_lines: do rows of one time act in this order
         also where one is late? Otherwise a late one acts as its sensors see events. ValueError for
@@ -93,11 +94,11 @@ class LateRows:
             return None
         place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
         if self._now_before > sample.t and not in_lines:
-            stage = self._stage(sample)
-            while place and self._rows[place - 1].t == sample.t:
-                if self._stage(self._rows[place - 1].sample) <= stage:
-                    break
-                place, rank = place - 1, self._rows[place - 1].rank
+            before = self._place_by_stages(sample, place)
+            if before is None:
+                return None
+            if before < place:
+                place, rank = before, self._rows[before].rank
         self._rows.insert(place, _Row(sample.t, rank, sample))
         try:
             self._check_times(place)
@@ -108,12 +109,32 @@ class LateRows:
         since = bisect_left(self._rows, changed, hi=place, key=lambda row: row.t)
         return Arrival(self.samples, place, self._leaving, since)
 
-    def _stage(self, sample: Sample) -> int:
-        """Where a row acts among those of its time: samples before events, these, samples after."""
-        if sample.y is None or sample.jump or sample.events or not self._sees_after.size:
-            return 1
-        after = self._sees_after[np.isfinite(np.asarray(sample.y, float))]
-        return 1 if len(set(after.tolist())) != 1 else 2 if after[0] else 0
+    def _place_by_stages(self, sample: Sample, place: int) -> int | None:
+        """Place of a late row among those of its time, the last of which is before `place`.
+
+        None where it belongs inside one of them.
+        """
+        first, last = self._stages(sample)
+        end = place
+        while place and self._rows[place - 1].t == sample.t:
+            if self._stages(self._rows[place - 1].sample)[1] <= first:
+                break
+            place -= 1
+        for row in self._rows[place:end]:
+            # events keep the order in which they arrive; samples of one state have none
+            if self._stages(row.sample)[0] < last + (last == _EVENT):
+                return None
+        return place
+
+    def _stages(self, sample: Sample) -> tuple[int, int]:
+        """First and last of what a row does: samples before events 0, these 1, samples after 2."""
+        after = np.zeros(0, dtype=bool)
+        if sample.y is not None and self._sees_after.size:
+            after = self._sees_after[np.isfinite(np.asarray(sample.y, float))]
+        stages = {2 if sees_it else 0 for sees_it in after.tolist()}
+        if sample.jump or sample.events or sample.mode is not None or not stages:
+            stages.add(_EVENT)
+        return min(stages), max(stages)
 
     def _check_times(self, place: int) -> None:
         """ValueError unless a row may stand between the one before and the one behind it."""
@@ -140,7 +161,12 @@ class LateRows:
         return list(samples[:count])
 
     def reason_against(self, sample: Sample) -> str:
-        """Sentence about a row that is older than the buffer."""
+        """Sentence about a row that has no place in the buffer."""
+        if not self._is_settled(sample.t):
+            return (
+                f"the row of t = {sample.t:.9g} arrived late and acts between samples or events "
+                "that are in one row of this time; it is skipped. Give each a row of its own."
+            )
         known = "report_delay and time_error" if self._errors else "report_delay"
         return (
             f"the row of t = {sample.t:.9g} arrived at {self.now:.9g}, more than {known} "
@@ -181,8 +207,9 @@ class Replay:
     def take(self, sample: Sample) -> list[Estimate]:
         """Estimates of the row and of those behind it, then of the rows that are final with it.
 
-        The former have the status `provisional`. ValueError for a sample that the observer cannot
-        take, and for a row older than the lag: it is left out, and later bounds may depend on it.
+        The former have the status `provisional`. Rows of one time act in the order in which they
+        are taken. ValueError for a sample that the observer cannot take, and for a row older than
+        the lag: it is left out, and later bounds may depend on it.
         """
         arrival = self._rows.insert(sample, self._arrived)
         if arrival is None:

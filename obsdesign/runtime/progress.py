@@ -112,6 +112,7 @@ class Progress:
     initial: tuple[float, ...] | None = None
     left_out: bool = False
     in_force: InForce = field(default_factory=InForce)
+    first: float = math.inf
 
     @property
     def t(self) -> float:

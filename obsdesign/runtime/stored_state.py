@@ -30,7 +30,7 @@ from obsdesign.runtime.state_checks import StateEntries, check_times_of_list, wr
 from obsdesign.runtime.status import VOID_SINCE
 
 FORMAT = "obsdesign/state"
-VERSION = 8
+VERSION = 9
 _KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _DTYPES: Entries = {"float": np.float64, "int": np.int64, "bool": np.bool_}
@@ -120,6 +120,8 @@ def _check_ranges(progress: Progress, observer: Value) -> None:
     latest = -math.inf if progress.state is None else progress.state.t
     if progress.state is not None and not math.isfinite(latest):
         raise wrong("state.t", "finite", latest)
+    if progress.first == -math.inf:
+        raise wrong("first", "the time of a row, or inf", progress.first)
     for k, row in enumerate(progress.waiting):
         if not (latest < row[0] < math.inf or (k == 0 and row[0] == latest)):
             raise wrong(f"waiting[{k}][0]", f"finite and after {latest!r}", row[0])

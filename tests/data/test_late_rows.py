@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import csv
+import functools
 import io
 import json
 from pathlib import Path
@@ -16,7 +17,9 @@ from click.testing import CliRunner, Result
 import obsdesign
 from obsdesign import InputError
 from obsdesign.cli.commands import cli
+from obsdesign.data.left_out import LEFT_OUT
 from obsdesign.data.simulation import simulate
+from obsdesign.document import Design
 from obsdesign.problem.problem import Problem
 from tests.cli.test_commands import ROOT
 from tests.systems.clocks import DOSES
@@ -123,7 +126,7 @@ def _field(place: int, value: Any) -> Any:
         (_field(5, "x"), "initial must be"),
         (lambda body: body["progress"][3][0].__setitem__("t", -5.0), "late[0].t must be"),
         (lambda body: body["progress"][3][0].__setitem__("bounds", [None] * 4), "b, c and v"),
-        (lambda body: body["progress"].pop(), "progress must be a list of 8"),
+        (lambda body: body["progress"].pop(), "progress must be a list of 9"),
         (
             lambda body: body["progress"][3].append(body["progress"][3][-1] | {"events": [7]}),
             "not a state of this design",
@@ -347,3 +350,57 @@ def test_late_rows_of_one_time_act_as_sees_says(
     assert bounds(*in_time, "6,,") == bounds(sample, "6,,", dose)
     ends = [[float(x) for x in line.split(",")] for line in (*whole, *bounds(sample, "6,,", dose))]
     assert np.allclose(ends[:2], ends[2:], rtol=1e-9)
+
+
+@functools.cache
+def of_both_stages(kind: str) -> Design:
+    """A design of two events, with a sensor on each side of them."""
+    sensor = {"C": [[1]], "noise_bound": 0.1, "every": [0, 9]}
+    body = {
+        "flow": {"A": [[-0.1]], "disturbance": {"lower": [-0.1], "upper": [0.1]}},
+        "event": [
+            {"name": name, "E": [[1]], "every": [1, 20], "report_delay": 2}
+            for name in ("dose", "feed")
+        ],
+        "sensor": [{"name": "level", "sees": "after"} | sensor, {"name": "early"} | sensor],
+        "observer": {"kind": kind},
+    }
+    return obsdesign.design(Problem.from_dict(body))
+
+
+@pytest.mark.parametrize(
+    ("row", "late", "ahead"),
+    [  # sensor level (sees after), sensor early (sees before), events dose and feed
+        (".5,.4,,", ",,,.3", None),  # an event between two samples of one row
+        (",.4,.2,", ",,,.3", [",.4,.2,", ",,,.3"]),
+        (".5,,.2,", ",,,.3", None),  # ... between an event and a sample: events keep their order
+        (",,.2,", ",.4,,.3", None),  # the late row itself is on both sides
+        (",,.2,", ".5,.4,,", None),
+        (",,.2,", ".5,,,", [",,.2,", ".5,,,"]),
+        (".5,,,", ",.4,,.3", [",.4,,.3", ".5,,,"]),
+    ],
+)
+@pytest.mark.parametrize("kind", ["interval", "set_membership"])
+def test_a_late_row_that_belongs_inside_one_of_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, row: str, late: str,
+    ahead: list[str] | None,
+) -> None:  # fmt: skip
+    """In its place where it has one; otherwise bounds from its time on miss what it held."""
+    monkeypatch.chdir(tmp_path)
+    of_both_stages(kind).save("d.json")
+
+    def lines(*rows: str) -> list[str]:
+        Path("a.csv").write_text(
+            "\n".join(["t,level,early,dose,feed", "0,,,,", *rows, "9,,,,", ""])
+        )
+        done = ran("run", "d.json", "a.csv", "--initial=-1,1", "-o", "e.csv")
+        assert done.exception is None
+        return Path("e.csv").read_text().splitlines()
+
+    result, acts = lines(f"5,{row}", "6,,,,", f"5,{late}"), late.endswith(".3")
+    if ahead is not None:
+        assert result == lines(*(f"5,{each}" for each in ahead), "6,,,,")
+        return
+    assert [LEFT_OUT in line for line in result[1:]] == [False, acts, acts, acts]
+    in_time = lines(f"5,{row}", "6,,,,")
+    assert [x.split(",")[:3] for x in result] == [x.split(",")[:3] for x in in_time]

@@ -249,6 +249,23 @@ def test_a_row_that_comes_too_late_may_be_the_first(tank: Path, t: float, counts
     assert marks(estimates(tank, rows, "t,dose,level,received")) == [counts] * 3
 
 
+@pytest.mark.parametrize(("t", "counts"), [(0, True), (1.5, False)])
+def test_the_first_row_may_be_lost_in_a_later_part(tank: Path, t: float, counts: bool) -> None:
+    """A line that is out of order, and a row that is too late."""
+    designed(tank, **PLAIN)
+    state = str(tank / "bad.state")
+    estimates(tank, ["1,0", "2,0"], "t,y1", state=state)
+    rows = [f"{t},0", "6,0"]
+    lines = estimates(tank, rows, "t,y1", state=state, skip_bad=True, goes_on=True)
+    assert marks(lines) == [counts]
+    designed(tank, flow=STILL, event=None, sensor=[LEVEL | {"report_delay": 0.5}])
+    state = str(tank / "late.state")
+    estimates(tank, ["1,0,", "2,0,", "3,,"], "t,level,received", state=state)
+    rows = [f"{t},0,4", "4,,", "5,,", "9,,"]
+    lines = estimates(tank, rows, "t,level,received", state=state, goes_on=True)
+    assert marks(lines) == [counts] * 3
+
+
 def test_a_part_without_arrivals_has_a_time_too(tank: Path) -> None:
     """A row of the next part that is older than the last one is too late, whenever it came."""
     designed(tank, flow=STILL, sensor=[LEVEL])

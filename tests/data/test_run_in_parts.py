@@ -67,7 +67,7 @@ def test_two_halves_are_one_record(desk: Path, stdin: bool) -> None:
     ran("run", "d.json", "all.csv", *START, "-o", "all_est.csv")
     assert halves(stdin=stdin) == (desk / "all_est.csv").read_text().splitlines()[1:]
     body = json.loads((desk / "s.json").read_text())
-    assert (body["format"], body["version"]) == ("obsdesign/state", 8)
+    assert (body["format"], body["version"]) == ("obsdesign/state", 9)
     assert body["design"] == json.loads((desk / "d.json").read_text())["digest"]
 
 
@@ -204,7 +204,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         ("[" * 9999, "not a state file that can be resumed"),
         (signed(body | {"more": json.loads("[" * 60 + "]" * 60)}), "nested deeper than 50"),
         (text.replace('"started": true', '"started": false'), "digest does not match the content"),
-        (signed(body | {"version": 1}), "version must be 8; got 1"),
+        (signed(body | {"version": 1}), "version must be 9; got 1"),
         (signed(body | {"format": "x"}), "format must be 'obsdesign/state'"),
         (signed(body | {"design": "sha256:0"}), "Was it saved by another design?"),
         (signed(body | {"kind": "impulsive"}), "kind must be 'interval'; got 'impulsive'"),
