@@ -196,11 +196,14 @@ def check(problem: Problem, *, seconds: float | None = None) -> Check:
     return Check(*check_all(problem, seconds=seconds))
 
 
-def search(problem: Problem, what: str, **options: Value) -> Outcome:
-    """The bracket of a limit; what, options: those of `obsdesign.studies.search.search`."""
+def search(problem: Problem, what: str, *, kind: str | None = None, **options: Value) -> Outcome:
+    """The bracket of a limit; what, options: those of `obsdesign.studies.search.search`.
+
+    kind: another than that of the problem, whose gains and options are then left out.
+    """
     from obsdesign.studies.search.search import search as bracket
 
-    return bracket(problem, what, **options)
+    return bracket(problem if kind is None else problem.for_kind(kind)[0], what, **options)
 
 
 def simulate(

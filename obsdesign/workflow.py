@@ -200,15 +200,19 @@ def _document(
 def design(
     problem: Problem,
     *,
+    kind: str | None = None,
     allow_undecided: bool = False,
     seconds: float | None = None,
     constraints: Constraints | None = None,
 ) -> Design:
     """Return a proved design for a problem; seconds, constraints: as for `investigate`.
 
-    Each claim of it names the theorem that it is a hypothesis of. InputError as for `investigate`;
+    kind: another than that of the problem, whose gains and options are then left out. Each claim of
+    the design names the theorem that it is a hypothesis of. InputError as for `investigate`;
     NotProved where a claim is refuted (or, unless `allow_undecided`, undecided).
     """
+    if kind is not None:
+        problem = problem.for_kind(kind)[0]
     outcome = investigate(problem, seconds=seconds, constraints=constraints)
     accepted = ("proved", "undecided") if allow_undecided else ("proved",)
     if outcome.verdict not in accepted or outcome.design is None:

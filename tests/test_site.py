@@ -9,14 +9,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import nbformat
 import pytest
 from click.testing import CliRunner
 
+from docs.notebooks import BLOCK as FENCE
+from docs.notebooks import TUTORIALS, notebook
 from obsdesign.cli.commands import cli
 
 ROOT = Path(__file__).parent.parent
-PAGES = sorted((ROOT / "docs").glob("*.md"))
-FENCE = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
 WITH_CODE = [p for p in PAGES if re.search("^```(console|python)", p.read_text("utf-8"), re.M)]
 
 # 1 and 3 are answers (refuted, undecided); anything else is a snippet that does not work
@@ -141,12 +143,30 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     nav = (ROOT / "mkdocs.yml").read_text("utf-8")
     for page in PAGES:
-        assert f": {page.name}" in nav, f"{page.name} is not in the navigation"
-        name = "index.html" if page.stem == "index" else f"{page.stem}/index.html"
+        place = page.relative_to(ROOT / "docs")
+        assert f": {place}" in nav, f"{place} is not in the navigation"
+        name = "index.html" if page.stem == "index" else f"{place.with_suffix('')}/index.html"
         assert (tmp_path / "site" / name).exists()
+    theory = (tmp_path / "site" / "theory" / "index.html").read_text("utf-8")
+    assert "<math" in theory
+    assert "arithmatex" not in theory
     api = (tmp_path / "site" / "api" / "index.html").read_text("utf-8")
     assert "Read a problem file" in api
     assert 'src="http' not in api
+    for page in TUTORIALS.glob("*.md"):
+        assert (tmp_path / "site" / "tutorials" / f"{page.stem}.ipynb").exists()
+
+
+def test_the_notebook_of_a_page_does_what_the_page_does() -> None:
+    page = (TUTORIALS / "tank.md").read_text("utf-8")
+    cells = nbformat.reads(notebook(page), as_version=4).cells
+    code = [cell.source for cell in cells if cell.cell_type == "code"]
+    blocks = FENCE.findall(page)
+    assert [
+        text.split("\n", 1)[1] if text.startswith("%%writefile") else text for text in code
+    ] == [text.rstrip() for _, _, text in blocks]
+    assert code[0].startswith("%%writefile tank.toml\nname")
+    assert not any("](tank.png)" in cell.source for cell in cells)
 
 
 def test_a_link_that_leads_nowhere_fails_the_site(tmp_path: Path) -> None:

@@ -45,19 +45,20 @@ def draw_widths(
     axis: Axes, name: str, record: EstimateRecord, strip: Strip | None, rows_only: bool
 ) -> None:
     """Width of the bounds over time, on a logarithmic axis; the strip's as a level."""
+    drawn = [] if strip is None else [np.array([strip.width])]
     for table in (record.other, record.estimate):
         if f"{name}_lo" not in table:
             continue
-        low, high = _ends(table, name)
-        t, width = table.numbers("t"), np.where(high > low, high - low, np.nan)
+        lower, upper = _ends(table, name)
+        t, width = table.numbers("t"), np.where(upper > lower, upper - lower, np.nan)
         if not rows_only:
             t, (width,) = with_gaps(t, [width], record.jumps)
+        drawn.append(width[np.isfinite(width) & (width > 0)])
         axis.plot(t, width, "." if rows_only else "-", color=_style(record, table)["color"], lw=1.3)
     if strip is not None:
         axis.axhline(strip.width, color=_STRIP, lw=1.4, ls=(0, (4, 2)))
     axis.set_yscale("log")
-    low, high = np.log10(axis.get_ylim())
-    low = max(low, high - _MOST_DECADES)
+    low, high = _decades(np.concatenate([np.ones(0), *drawn]))
     missing = max(0.0, _LEAST_DECADES - (high - low)) / 2
     axis.set_ylim(10 ** (low - missing), 10 ** (high + missing))
     if high - low < _FEW_DECADES:
@@ -65,6 +66,15 @@ def draw_widths(
         axis.yaxis.set_minor_locator(NullLocator())
     axis.yaxis.set_major_formatter("{x:g}")
     axis.margins(x=0.01)
+
+
+def _decades(widths: Matrix) -> tuple[float, float]:
+    """Powers of ten between which widths are drawn, with a margin of a twentieth."""
+    if not widths.size:
+        return -1.0, 0.0
+    low, high = np.log10(widths.min()), np.log10(widths.max())
+    low = max(low, high - _MOST_DECADES)
+    return float(low - (high - low) / 20), float(high + (high - low) / 20)
 
 
 def with_gaps(t: Matrix, series: Sequence[Matrix], jumps: Matrix) -> tuple[Matrix, list[Matrix]]:

@@ -199,7 +199,9 @@ def _panel(axis: Axes, name: str, record: EstimateRecord) -> None:
 
 def _state(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None = None) -> None:
     """Bounds, estimate and truth of one state, with the jumps."""
-    for colour, (event, instants) in zip(cycle(_EVENTS), record.happened.items(), strict=False):
+    # where every row is an event its dot says so; lines would hide it
+    happened = {} if record.rows_only else record.happened
+    for colour, (event, instants) in zip(cycle(_EVENTS), happened.items(), strict=False):
         for k, instant in enumerate(instants):
             axis.axvline(instant, lw=0.7, ls=(0, (2, 2)), zorder=0, color=colour,
                          label=event if k == 0 else None)  # fmt: skip

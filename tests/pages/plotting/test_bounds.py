@@ -13,7 +13,7 @@ from obsdesign.cli.commands import cli
 from obsdesign.data.csv_text import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
-from obsdesign.pages.plotting.bounds import draw_bounds
+from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths
 from obsdesign.pages.plotting.estimate import Comparison, plot_estimate
 from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
 from obsdesign.pages.plotting.strips import strips_of
@@ -96,6 +96,19 @@ def test_every_event_is_drawn_by_its_name_and_samples_as_dots(tmp_path: Path) ->
     assert np.array_equal(drawn, np.isfinite(record.data.numbers("tissue")))
     plot_estimate(estimate, str(data), str(tmp_path / "p.svg"), None, compared)
     assert "bolus" in (tmp_path / "p.svg").read_text("utf-8")
+
+
+@pytest.mark.parametrize("narrow", [0.0, 1e-300, 1e-9])
+def test_an_axis_of_widths_shows_the_widest_and_six_decades_at_most(narrow: float) -> None:
+    """A state that is known exactly at the start, to rounding, hides no other width."""
+    t, width = np.arange(5.0), np.array([narrow, 1e-3, 0.2, 0.5, 1.0])
+    table = Table("e.csv", {"t": t, "x1_lo": -width / 2, "x1_hi": width / 2})
+    record = EstimateRecord.from_tables(table, Table("", {}), Table("", {}), Table("", {}))
+    axis = Figure().subplots()
+    draw_widths(axis, "x1", record, None, False)
+    low, high = np.log10(axis.get_ylim())
+    assert 0.0 < high < 0.5
+    assert -7.0 < low < -3.0
 
 
 def _estimates(folder: Path, name: str, half: float, path: str) -> str:
