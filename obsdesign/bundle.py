@@ -12,6 +12,7 @@ from obsdesign.verification.second_opinion import Answer, answers
 
 _PURPOSE = {
     "check_design.py": "proves from design.json alone that the error of the observer tends to zero",
+    "check_widths.py": "proves from design.json alone how narrow the bounds become",
     "check_gains.py": "compares the gains with the problem in the same file",
     "check_uncertain.py": "proves that the plant is stable for all its parameters",
 }
@@ -26,7 +27,7 @@ read before they are trusted: at most 500 lines of code each, with the inequalit
     {command}
 
 Exit code 0: proved. 1: not proved. 2: a design that they do not read. What they do not check, they
-say: widths, rates and all sentences of the file are proved by `obsdesign verify design.json`.
+say, rates and all sentences of the file for instance: `obsdesign verify design.json` proves them.
 
 When this folder was written, they answered:
 

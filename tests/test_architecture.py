@@ -230,6 +230,7 @@ ANY = {
     "obsdesign.checker.check_design": "JSON of a design, read by what needs nothing else",
     "obsdesign.checker.check_gains": "the same",
     "obsdesign.checker.check_uncertain": "the same",
+    "obsdesign.checker.check_widths": "the same",
     "obsdesign.equations.stored": "declarations of fields",
     "obsdesign.input_files": "what json reads, where numpy is not loaded",
     "obsdesign.interop.export": "models of python-control",

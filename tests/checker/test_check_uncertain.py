@@ -70,7 +70,7 @@ def verdict(body: dict[str, Any]) -> str:
 
 @pytest.mark.parametrize("name", PLANTS)
 def test_plants_are_proved_again(name: str) -> None:
-    code, text = answer(document(name), PROGRAMS[2])
+    code, text = answer(document(name), PROGRAMS[3])
     assert code == 0, text
     assert "proved: the plant by itself tends to zero" in text
     claims = obsdesign.verify(from_dict(document(name)), paranoid=True).claims

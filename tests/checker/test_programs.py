@@ -21,6 +21,7 @@ from obsdesign.checker import check_design
 from tests.systems.checked import (
     CHECK_DESIGN,
     CHECK_GAINS,
+    CHECK_WIDTHS,
     FOLDER,
     answer,
     body,
@@ -29,7 +30,7 @@ from tests.systems.checked import (
     exit_code,
 )
 
-PROGRAMS = (CHECK_DESIGN, CHECK_GAINS, FOLDER / "check_uncertain.py")
+PROGRAMS = (CHECK_DESIGN, CHECK_WIDTHS, CHECK_GAINS, FOLDER / "check_uncertain.py")
 MOST_LINES = 500
 
 
@@ -95,7 +96,7 @@ def test_the_circles_of_trust_are_as_large_as_their_page_says(tmp_path: Path) ->
     counted = [code_lines(path.read_text("utf-8")) for path in PROGRAMS]
     for paths in (map(Path, done.stdout.splitlines()), everything):
         counted.append(sum(code_lines(path.read_text("utf-8")) for path in paths))
-    assert len(stated) == len(counted) == 5
+    assert len(stated) == len(counted) == 6
     for line_count, page_count in zip(counted, stated, strict=True):
         assert abs(line_count - page_count) <= 0.1 * page_count
 

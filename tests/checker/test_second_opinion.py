@@ -66,8 +66,8 @@ def test_plants_that_it_does_not_read_have_none() -> None:
 def test_a_bundle_is_checked_by_its_own_command(tmp_path: Path) -> None:
     folder, design = tmp_path / "a" / "b", designed(PROBLEMS["cooperative"])
     codes = [answer.code for answer in write_bundle(design, folder)]
-    assert codes == [0, 0]
-    names = ["README.txt", "check_design.py", "check_gains.py", "design.json"]
+    assert codes == [0, 0, 0]
+    names = ["README.txt", "check_design.py", "check_gains.py", "check_widths.py", "design.json"]
     assert sorted(path.name for path in folder.iterdir()) == names
     assert load_design(folder / "design.json").digest == design.digest
     text = (folder / "README.txt").read_text("utf-8")

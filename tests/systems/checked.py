@@ -15,6 +15,7 @@ from tests.systems.designs import designed
 
 FOLDER = Path(__file__).parents[2] / "obsdesign" / "checker"
 CHECK_DESIGN, CHECK_GAINS = FOLDER / "check_design.py", FOLDER / "check_gains.py"
+CHECK_WIDTHS = FOLDER / "check_widths.py"
 
 _JUMP = {"G": [[2, 1], [1, 3]], "dwell_time": [0.7, "inf"]}
 _OUTPUT = {"C": [[0, 1]], "noise_bound": [0]}
@@ -64,6 +65,13 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "no jumps, bounds": {
         "flow": {"A": [[-1, 0], [1, -2]]}, "output": _OUTPUT,
         "observer": {"kind": "interval", "gains": {"L": [[0], [1]]}},
+    },
+    "no jumps, widths": {
+        "flow": {
+            "A": [[-1, 0.5], [1, -2]], "disturbance": {"lower": [-0.1, 0.0], "upper": [0.1, 0.2]},
+        },
+        "output": {"C": [[0, 1]], "noise_bound": [0.03]},
+        "observer": {"kind": "interval", "gains": {"L": [[0.2], [1]]}},
     },
     "point": _luenberger([[0, 1], [-2, 0.1]], {"G": [[1, 0], [0, -0.7]], "dwell_time": [0.3, 2]}),
     "point, decay": _luenberger(
