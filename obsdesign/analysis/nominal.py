@@ -82,12 +82,18 @@ def stability_dwell(problem: Problem) -> tuple[float, float]:
     return (0.0, np.inf) if problem.plant.jump is None else problem.require_dwell_time()
 
 
-def reason_against_rate(problem: Problem) -> str | None:
-    """Reason against a decay rate of a point observer with parameters, or None."""
-    if problem.options_as(LuenbergerOptions).decay_rate > 0:
+def reason_against_options(problem: Problem) -> str | None:
+    """Reason against options of a point observer that parameters exclude, or None."""
+    options = problem.options_as(LuenbergerOptions)
+    if options.decay_rate > 0:
         return (
             "observer.decay_rate is not available with parameters: the error decays no faster than "
             "what the state adds to it."
+        )
+    if options.schedule is not None:
+        return (
+            "observer.schedule is not available with parameters: what they add to the error is "
+            "bounded for one M alone; leave it out."
         )
     return None
 

@@ -21,6 +21,11 @@ _PLAIN, _LISTED = ("jump", "output"), ("event", "sensor", "mode", "parameter")
 _OF_CLOCKS = {
     "dwell_time": "every", "measured": "every", "period": "every", "jump_measurement": "sees",
 }  # fmt: skip
+# words for keys of blocks that have these keys
+_MEANT = {
+    "value": "range", "nominal": "range", "interval": "range", "bounds": "range",
+    "min": "lower", "minimum": "lower", "max": "upper", "maximum": "upper",
+}  # fmt: skip
 # which violation is reported when there are several: names before values
 _FIRST = ("not", "propertyNames", "additionalProperties", "required")
 
@@ -156,8 +161,10 @@ def _home(name: str, schema: Value, body: Value) -> str | None:
 
 
 def _nearest(name: str, known: list[str]) -> list[str]:
-    """Known names that start so, else the one most like it."""
+    """Known names that mean it, or start so, else the one most like it."""
     small = name.lower()
+    if (meant := _MEANT.get(small)) in known:
+        return [meant]
     if len(small) > 2 and (longer := [k for k in known if k.lower().startswith(small)]):
         return longer
     near = difflib.get_close_matches(small, [k.lower() for k in known], 1, 0.0)

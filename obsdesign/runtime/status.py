@@ -10,8 +10,10 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 
 OK = "ok"
-# of reasons that begin with the time of a row before
-VOID, VOID_SINCE = "bounds void", "void since time"
+# of rows after one that refutes the bounds, or that voids the bound of an error
+VOID, VOID_ERROR = "bounds void", "error bound void"
+# how reasons begin that have the time of a row before
+VOID_SINCE = "void since time"
 # between the reasons of a status
 _BETWEEN = "; "
 
@@ -103,6 +105,6 @@ def void_since(t: float, cause: str) -> Reason:
     return still_void(f"{VOID_SINCE} {t:.9g} ({cause})")
 
 
-def still_void(text: str) -> Reason:
+def still_void(text: str, kind: str = VOID) -> Reason:
     """The reason of a state's refutation, whose text it keeps."""
-    return Reason(text, VOID)
+    return Reason(text, kind)

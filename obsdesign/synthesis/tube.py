@@ -129,6 +129,8 @@ def _least_tube(
 
 def propose_limit(system: WidthSystem, vanishing: bool = False) -> dict[str, list[float]] | None:
     """{"tube": (n,) in z, "always": (n,) in x} of a plant without jumps; None without a limit."""
+    if not rightmost(system.W).real < 0:
+        return None
     units = Units.from_system(system, 1.0, 1.0)
     own = units.rescaled(system)
     scale = float(own.f.max(initial=0.0)) or float(vanishing)

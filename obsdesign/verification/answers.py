@@ -91,7 +91,10 @@ def _witness_holds_for_all_gains(claim: Claim) -> bool:
 
 def _undecided_for_problem(claim: Claim) -> Claim:
     """A claim refuted for searched gains as undecided for the problem."""
-    why = f"no gains were found for which it holds; for the last ones tried, {reason(claim)}"
+    why = (
+        "no choice of what the problem leaves open was found for which it holds; for the last one "
+        f"tried, {reason(claim)}"
+    )
     return _as_undecided(claim, why)
 
 

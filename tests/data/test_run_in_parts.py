@@ -324,6 +324,24 @@ def test_bounds_that_are_void_on_most_rows(desk: Path, bad: int, warned: bool) -
     assert (fine.exception, fine.return_value) == (None, 0)
 
 
+def test_rows_after_a_large_input_are_of_this_plant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What voids the bound of an error is a known input, no measurement."""
+    monkeypatch.chdir(tmp_path)
+    heater: dict[str, Any] = {
+        "flow": {"A": [[-1]], "B": [[1]], "input_bound": [1]}, "output": {"C": [[1]]},
+        "parameter": [{"name": "gain", "range": [-0.1, 0.1], "B": [[1]]}],
+        "observer": {"kind": "luenberger", "gains": {"L": [[1]]}},
+    }  # fmt: skip
+    obsdesign.design(obsdesign.Problem.from_dict(heater)).save("d.json")
+    for part, rows in (("one", "0,0,0\n1,0,5\n"), ("two", "2,0,0\n3,0,0\n4,0,0\n")):
+        Path(f"{part}.csv").write_text("t,y1,u1\n" + rows)
+        done = ran("run", "d.json", f"{part}.csv", "--state", "s.json", "-o", "e.csv")
+    assert "2 error bound void (first at t = 3)" in done.stderr
+    assert "another plant" not in done.stderr
+
+
 def test_a_design_with_an_unproved_claim_says_so(desk: Path) -> None:
     assert "not proved" not in ran("run", "d.json", "all.csv", *START).stderr
     design = obsdesign.load_design(desk / "d.json")

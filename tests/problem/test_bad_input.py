@@ -45,6 +45,7 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("jump.dwel_time", [1, 2], "unknown key 'dwel_time' in [jump]: did you mean 'dwell_time'?"),
     ("output.noise", [1], "unknown key 'noise' in [output]: did you mean 'noise_bound' or 'noise_std' or 'noise_cv'?"),
     ("flow.disturbance.low", [0, 0], "unknown key 'low' in [flow.disturbance]: did you mean 'lower'?"),
+    ("flow.disturbance.min", [0, 0], "unknown key 'min' in [flow.disturbance]: did you mean 'lower'?"),
     ("observer.from", "split", "unknown key 'from' in [observer]: did you mean 'form'?"),
     ("observer.gains.N", [[1]], "unknown key 'N' in [observer.gains]: did you mean 'Gn'?"),
     ("observer.alpha", 2, "observer.alpha is an option of kind 'impulsive', not of 'interval'; drop it, or choose that kind with --kind."),

@@ -122,6 +122,7 @@ def _modes(body: dict[str, Any]) -> None:
         (lambda b: (b.pop("jump"), _first(G=[[1, 0], [0, 1]])(b)), "requires jump.G"),
         (_first(constant=1), "parameter.stiffness.constant must be true or false; got 1"),
         (_first(name="Stiffness"), "parameter.name must be a small letter"),
+        (_first(value=1), "unknown key 'value' in [parameter.stiffness]: did you mean 'range'?"),
         (_first(nominal=1), "unknown key 'nominal' in [parameter.stiffness]"),
         (lambda b: b["parameter"].append(b["parameter"][0]), "got 'stiffness' twice"),
         (lambda b: b["flow"].update(A_radius=[[1]]), "flow.A_radius must have 2 rows, as flow.A"),

@@ -27,7 +27,6 @@ from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.parameters import MATRICES, Effect, NormalForm, largest_in_box
 from obsdesign.equations.plant import Disturbed
 from obsdesign.errors import DoesNotApply
-from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 
@@ -93,8 +92,6 @@ def driven_error(plant: Plant, gains: LuenbergerGains, bounds: StateBounds | Non
 
 def reason_against_error_bound(problem: Problem) -> str | None:
     """Reason against any bound of the error of a point observer, or None."""
-    if problem.options_as(LuenbergerOptions).schedule is not None:
-        return "gains at jumps that follow a schedule have no error_bound."
     try:
         require_input_bounds(problem.plant)
     except DoesNotApply as error:

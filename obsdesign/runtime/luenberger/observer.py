@@ -28,7 +28,13 @@ from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.known_inputs import KnownInputs
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Outputs, States
-from obsdesign.runtime.status import MISSING_SAMPLE, status_of, still_void, void_since
+from obsdesign.runtime.status import (
+    MISSING_SAMPLE,
+    VOID_ERROR,
+    status_of,
+    still_void,
+    void_since,
+)
 
 _ONE = np.ones(1)
 # beyond, a step is made where overflow is not a warning
@@ -129,7 +135,9 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         objections: list[str] = [late] if late else []
         large = self._known_inputs.reasons(state.u, sample.w if sample.jump else None)
         refutation = state.refutation
-        objections += [*large, *([still_void(refutation)] if refutation else [])]
+        objections += large
+        if refutation:
+            objections.append(still_void(refutation, VOID_ERROR))
         if large and not refutation:
             refutation = void_since(t, large[0])
         # without L, samples between jumps are of no use and none is missed

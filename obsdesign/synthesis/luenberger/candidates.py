@@ -18,7 +18,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
-from obsdesign.analysis.nominal import nominal_problem, reason_against_rate
+from obsdesign.analysis.nominal import nominal_problem, reason_against_options
 from obsdesign.analysis.riccati import FASTER, faster_rates
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.errors import InputError
@@ -72,7 +72,7 @@ def synthesize_constrained(
         yield from step_candidates(problem, budget)
         return
     if problem.plant.parameters:
-        if reason := reason_against_rate(problem):
+        if reason := reason_against_options(problem):
             raise InputError(reason)
         own, box = nominal_problem(problem), known_box(problem)
         candidates = synthesize_constrained(own, constraints, budget)

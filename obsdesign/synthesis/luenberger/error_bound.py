@@ -26,10 +26,7 @@ from obsdesign.analysis.luenberger.error_bounds import (
     is_tube,
 )
 from obsdesign.analysis.nominal import stability_dwell
-from obsdesign.analysis.widened import absolute_plant
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.errors import DoesNotApply
-from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Certificates
 from obsdesign.synthesis.state_box import KnownBox, known_state_box
@@ -43,15 +40,9 @@ _SHARES = (1.0, 0.99, 0.9)
 
 def known_box(problem: Problem) -> KnownBox | None:
     """The box that effects of parameters are bounded in, stated or proved; None where none is."""
-    plant = problem.plant
     if reason_against_error_bound(problem):
         return None
-    try:
-        is_driven = plant.state is not None or _is_driven(plant)
-    except DoesNotApply:
-        return None
-    # where nothing drives the state, it tends to zero, and the error with it
-    return known_state_box(plant) if is_driven else None
+    return known_state_box(problem.plant)
 
 
 def bound_certificates(
@@ -119,9 +110,3 @@ def _stated(bounds: ErrorBounds | None) -> NewEntries:
 
 def _raised(values: Exact) -> list[float]:
     return [float(value) * (1.0 + _ROOM) for value in to_float(values)]
-
-
-def _is_driven(plant: Plant) -> bool:
-    """Does anything but the parameters act on the state?"""
-    _, f, _, h = absolute_plant(plant, exact)
-    return any(f) or (h is not None and any(h))

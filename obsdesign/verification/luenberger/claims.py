@@ -17,7 +17,7 @@ from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import overall
-from obsdesign.analysis.nominal import counted_inputs, nominal_problem, reason_against_rate
+from obsdesign.analysis.nominal import counted_inputs, nominal_problem, reason_against_options
 from obsdesign.analysis.riccati import faster_rates, riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import idle_gains
@@ -66,7 +66,7 @@ def claims(
         return step_claims(problem, stored, certificates, paranoid)
     if not problem.plant.parameters:
         return _claims(problem, stored, certificates, paranoid, {})
-    if reason := reason_against_rate(problem):
+    if reason := reason_against_options(problem):
         return (inconsistent(reason),)
     inputs = counted_inputs(problem.plant) if certificates.get("error_bound") else {}
     nominal = _claims(nominal_problem(problem), stored, certificates, paranoid, inputs)

@@ -260,7 +260,7 @@ def test_a_failed_search_is_undecided() -> None:
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert outcome.verdict == "undecided"
     claim = next(c for c in outcome.claims if c.id == "dwell_stability")
-    assert reason(claim).startswith("no gains were found for which it holds")
+    assert reason(claim).startswith("no choice of what the problem leaves open was found")
 
 
 def test_an_obstruction_is_told_again_by_verify() -> None:

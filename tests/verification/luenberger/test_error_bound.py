@@ -310,10 +310,19 @@ def test_a_proved_box_serves_where_none_is_stated() -> None:
     changed = design.to_dict()
     evidence_of(changed, "state_box")["always"] = [0.1, 0.1]
     assert verify(stored(changed)).verdict != "proved"
-    # without anything that drives it the state tends to zero, and the error with it
+    # without disturbances the box is nearly zero, and the error is that of the noise
     for block in ("flow", "jump"):
         del body[block]["disturbance"]
-    assert not any(claim.id == "error_bound" for claim in investigated(body).claims)
+    undisturbed = designed(body)
+    claims = {claim.id: claim for claim in undisturbed.claims}
+    assert max(claims["state_box"].evidence["always"]) < 1e-5
+    gains = {name: undisturbed.gains[name].tolist() for name in ("L", "M")}
+    body["observer"]["gains"] = gains
+    bounds = [bound(investigated(body)).evidence["always"]]
+    del body["parameter"][0]
+    body["parameter"] = [{"name": "none", "range": [0, 0], "A": [[0, 0], [1, 0]]}]
+    bounds.append(bound(investigated(body)).evidence["always"])
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-3, abs=1e-6)
 
 
 def test_a_known_input_needs_a_bound_where_it_is_uncertain() -> None:

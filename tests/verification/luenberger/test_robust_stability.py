@@ -260,6 +260,9 @@ def test_what_is_not_available_with_parameters_is_refused() -> None:
     body["observer"] = {"kind": "luenberger", "decay_rate": 0.1}
     with pytest.raises(InputError, match=r"observer.decay_rate is not available with parameters"):
         outcome(body)
+    body["observer"] = {"kind": "luenberger", "schedule": 2}
+    with pytest.raises(InputError, match=r"observer.schedule is not available with parameters"):
+        outcome(body)
     n = 4
     many: Body = {
         "flow": {"A": (-np.eye(n)).tolist(), "A_radius": np.full((n, n), 0.01).tolist()},
