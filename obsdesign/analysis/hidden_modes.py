@@ -145,14 +145,31 @@ def not_detectable(
     G: None without jumps; ends: shortest and longest dwell time; names (n): of the states, x1, ...
     by default. The reason, and its witness.
     """
+    witness = unseen_growth(A, G, C, ends, names)
+    if witness is None:
+        return None
+    return {**witness, "reason": f"no observer exists: {witness['reason']}"}
+
+
+def unseen_growth(
+    A: Matrix,
+    G: Matrix | None,
+    C: Matrix,
+    ends: tuple[float, float],
+    names: Sequence[str] = (),
+) -> dict[str, object] | None:
+    """Witness of a part of the state that no output shows and that does not decay, or None.
+
+    As `not_detectable`, which it refutes; no more than that where x stays in a known box.
+    """
     names = names or numbered("x", len(A))
     if (G is None or math.isinf(ends[1])) and hidden_growth(A, C):
         ending = "there are no jumps" if G is None else "there is no longest dwell time"
         unseen = hidden_part([A], C)
         assert unseen is not None
         reason = (
-            f"no observer exists: no output shows {unseen.directions(names)}, where a mode of "
-            f"flow.A does not decay, and {ending}"
+            f"no output shows {unseen.directions(names)}, where a mode of flow.A does not decay, "
+            f"and {ending}"
         )
         return {"reason": reason}
     hidden = None if G is None else hidden_part([A, G], C)
@@ -163,8 +180,8 @@ def not_detectable(
     if verdict.outcome != "refuted":
         return None
     reason = (
-        f"no observer exists: no output ever shows {hidden.directions(names)}, along flow and "
-        f"jumps, which does not shrink: {verdict.reason}"
+        f"no output ever shows {hidden.directions(names)}, along flow and jumps, which does not "
+        f"shrink: {verdict.reason}"
     )
     return {**verdict.witness, "reason": reason}
 

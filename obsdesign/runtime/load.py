@@ -57,7 +57,9 @@ def observer_class(kind: str, gains: Entries) -> RunnableKind:
 
         return InputBoundsObserver
     if known.name == "set_membership" and "effects" in gains:
-        from obsdesign.runtime.set_membership.parameters import UncertainSetMembershipObserver
+        from obsdesign.runtime.set_membership.uncertain_observer import (
+            UncertainSetMembershipObserver,
+        )
 
         return UncertainSetMembershipObserver
     return _class_of(known.module("observer"), known.observer)

@@ -13,7 +13,7 @@ from obsdesign.equations.interval import splits
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.bounds_observer import BoundsObserver
 from obsdesign.runtime.interval.observer import IntervalObserver
-from obsdesign.runtime.set_membership.parameters import UncertainSetMembershipObserver
+from obsdesign.runtime.set_membership.uncertain_observer import UncertainSetMembershipObserver
 
 PATTERNS = ("adversarial", "bang-bang", "constant")
 # pieces of a step in which parameters and disturbances are constant

@@ -35,7 +35,7 @@ from obsdesign.runtime.set_membership.tape import Contradiction, Tape
 from obsdesign.runtime.status import status_of, still_void, void_since
 
 
-class _Row(NamedTuple):
+class Row(NamedTuple):
     """What a row leads to; fault: the contradiction in it, None without one."""
 
     tape: Tape
@@ -144,7 +144,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         return self._concluded(following, row, reasons, names)
 
     def _concluded(
-        self, state: SetMembershipState, row: _Row, reasons: list[str], events: list[str]
+        self, state: SetMembershipState, row: Row, reasons: list[str], events: list[str]
     ) -> tuple[SetMembershipState, Estimate]:
         """The state with the tape of a row, and its estimate; `recent` are the rows before it."""
         if not np.isfinite(row.result.box).all():
@@ -177,7 +177,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         row: ClockedRow,
         *,
         in_time: bool,
-    ) -> _Row:
+    ) -> Row:
         """The tape and the bounds after a row, and the contradiction in it, if there is one."""
         bounder = self._bounder
         tape = Tape(state.start, state.stages, state.box)
@@ -197,19 +197,19 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         """The tape with one more stage, its box without the measurement."""
         return self._bounder.predicted(tape, stage)
 
-    def _bounded(self, tape: Tape, free: Matrix, recent: Sequence[Matrix]) -> _Row:
+    def _bounded(self, tape: Tape, free: Matrix, recent: Sequence[Matrix]) -> Row:
         """The bounds of a tape; where they are empty, a tape that begins with the box `free`."""
         bounded = self._bounder.bounded(tape, recent)
         if isinstance(bounded, Contradiction):
             return self._restarted(free, bounded.reason)
-        return _Row(*bounded, None)
+        return Row(*bounded, None)
 
-    def _restarted(self, box: Matrix, fault: str | None) -> _Row:
+    def _restarted(self, box: Matrix, fault: str | None) -> Row:
         """A tape that begins anew: nothing before a contradiction is used after it."""
         tape = Tape.beginning(box)
         nothing = np.full((2, self.n), np.nan)
         further = 0 if self.gains.directions is None else len(self.gains.directions)
-        return _Row(tape, Result(box, np.full((2, further), np.nan), nothing), fault)
+        return Row(tape, Result(box, np.full((2, further), np.nan), nothing), fault)
 
     def _held(self, own: Bounds) -> Matrix:
         stated = np.stack(self.declared_bounds.b.completed(own.b))

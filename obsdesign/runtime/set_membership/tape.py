@@ -29,6 +29,14 @@ class Tape(NamedTuple):
         """A tape without stages."""
         return Tape(box, (), box)
 
+    def within(self, box: Matrix) -> Tape | None:
+        """The tape, its last box cut with another (2, n); None if that is empty."""
+        cut = intersection(self.box, box)
+        if (cut[0] > cut[1]).any():
+            return None
+        last = tuple(stage._replace(box=cut) for stage in self.stages[-1:])
+        return Tape(self.start if last else cut, (*self.stages[:-1], *last), cut)
+
     @property
     def sampled(self) -> tuple[float, ...]:
         """Times of all its measurements."""

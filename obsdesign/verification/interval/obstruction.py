@@ -17,8 +17,8 @@ from lmi.arithmetic.arrays import Array, NewEntries
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
-from lmi.verdict import Verdict
-from obsdesign.analysis.hidden_modes import nearly_undetectable, not_detectable, nullspace
+from lmi.verdict import Verdict, refuted, undecided
+from obsdesign.analysis.hidden_modes import nearly_undetectable, nullspace, unseen_growth
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval.gains import IntervalGains
@@ -45,45 +45,48 @@ class _OpenGains:
 
 
 def obstruction_claim(problem: Problem, gains: IntervalGains, source: str) -> tuple[Claim, ...]:
-    """A refuted claim where gains are open and none suffices; nothing otherwise."""
+    """A refuted claim where gains are open and none suffices; nothing otherwise.
+
+    An unseen mode refutes nothing where x stays in a known box: the claim is then undecided.
+    """
     plant = problem.plant
     idle = idle_gains(plant)
     is_open = _OpenGains(*(name not in {*problem.gains, *idle} for name in ("L", "M")))
-    if plant.output.measured == "periodic":
-        witness = _undetectable(problem) if is_open.L else None
-        if not is_open.L and _has_open_coordinates(problem, gains):
-            witness = _unstable_between_samples(problem, gains)
-    elif is_open.L or is_open.M:
-        witness = _undetectable(problem) or _in_these_coordinates(problem, gains, is_open)
+    is_periodic, witness = plant.output.measured == "periodic", None
+    is_searched = is_open.L or (is_open.M and not is_periodic)
+    unseen = _unseen(problem) if is_searched else None
+    if unseen is not None and gains.state_lower is not None:
+        reason = (
+            f"{unseen['reason']}; the box of x bounds it, but no width of kind 'interval' is "
+            "proved there: kind 'set_membership' takes such plants"
+        )
+        return (_attainable(gains, source, undecided(reason)),)
+    if unseen is not None:
+        witness = {**unseen, "reason": f"no observer exists: {unseen['reason']}"}
+    elif is_searched:
+        witness = witness_within_structure(problem)
+        if witness is None and not is_periodic:
+            witness = _in_these_coordinates(problem, gains, is_open)
     elif _has_open_coordinates(problem, gains):
-        witness = _unstable_error(problem, gains)
-    else:
-        return ()
+        decide = _unstable_between_samples if is_periodic else _unstable_error
+        witness = decide(problem, gains)
     if witness is None:
         return ()
-    return (
-        Claim(
-            "attainable",
-            f"some gains L, M make a design of form {gains.form}",
-            source,
-            "refuted",
-            {"witness": {**witness, "of_all_gains": True}},
-        ),
-    )
+    return (_attainable(gains, source, refuted({**witness, "of_all_gains": True})),)
+
+
+def _attainable(gains: IntervalGains, source: str, verdict: Verdict) -> Claim:
+    statement = f"some gains L, M make a design of form {gains.form}"
+    return Claim.from_verdict("attainable", statement, source, verdict)
 
 
 def _has_open_coordinates(problem: Problem, gains: IntervalGains) -> bool:
     return gains.S is not None and "S" not in problem.gains
 
 
-def _undetectable(problem: Problem) -> NewEntries | None:
-    """Witness of two states with equal outputs whose distance does not shrink, or None.
-
-    With a structure, of a part of the error that its entries do not correct.
-    """
-    A, G, C, ends = _plant(problem)
-    names = problem.names.states_of(problem.plant.n)
-    return not_detectable(A, G, C, ends, names) or witness_within_structure(problem)
+def _unseen(problem: Problem) -> NewEntries | None:
+    """Witness of a part of the state that no output shows and that does not decay, or None."""
+    return unseen_growth(*_plant(problem), problem.names.states_of(problem.plant.n))
 
 
 def _plant(problem: Problem) -> tuple[Array, Array | None, Array, tuple[float, float]]:

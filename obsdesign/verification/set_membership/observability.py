@@ -39,14 +39,30 @@ _LONGEST_MORE = 40  # stages beyond the stored window that are tried
 def observability_claims(
     problem: Problem, gains: SetMembershipGains, certificate: Entries, paranoid: bool
 ) -> tuple[Claim, ...]:
-    """`observable_window`, or `attainable` where a part of the state is never seen."""
+    """`observable_window`, or `attainable` where a part of the state is never seen.
+
+    In a known box what no sample sees is bounded by the box.
+    """
     hidden = unobservable_part(problem.plant)
+    if hidden is not None and gains.state_lower is not None:
+        return (_within_box(hidden),)
     if hidden is not None:
         return (_attainable(problem, hidden, certificate, paranoid),)
     pattern = pattern_of(problem.plant)
     if isinstance(pattern, str):
         return (_at_any_spacing(gains),)
     return (_of_every_window(gains, pattern),)
+
+
+def _within_box(hidden: HiddenPart) -> Claim:
+    count = hidden.basis.shape[1]
+    return Claim.from_verdict(
+        "attainable",
+        f"the part of the state that no sample of the nominal plant sees, of dimension {count}, "
+        "stays in the box of x: in steady state no bounds depend on the start",
+        "the box of x",
+        proved(dimension=count),
+    )
 
 
 def _attainable(

@@ -17,8 +17,8 @@ from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.runtime.columns import Batch
-from obsdesign.runtime.set_membership.parameters import UncertainSetMembershipObserver
 from obsdesign.runtime.set_membership.stages import Stage
+from obsdesign.runtime.set_membership.uncertain_observer import UncertainSetMembershipObserver
 from tests.systems.parameters import Body, compartments, degue, rooms, spring
 
 

@@ -15,7 +15,7 @@ from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.known_inputs import LARGE_U
-from obsdesign.runtime.set_membership.parameters import UncertainSetMembershipObserver
+from obsdesign.runtime.set_membership.uncertain_observer import UncertainSetMembershipObserver
 from obsdesign.workflow import investigate, verify
 from tests.systems.parameters import Body
 
