@@ -9,7 +9,7 @@ CLAIMS = (
     "find_is_fast", "search_is_fast", "proof_is_cheap", "check_is_fast", "grows_slowly",
     "memory_is_small", "cold_design_is_fast", "imports_are_light", "glance_is_fast",
     "windows_cost_nothing", "windows_close_the_gap", "parameters_cost_little",
-    "interval_step_is_fast", "interval_run_is_fast", "interval_fleet_is_fast",
+    "run_command_is_fast", "interval_step_is_fast", "interval_run_is_fast", "interval_fleet_is_fast",
     "interval_stream_is_flat", "interval_synthesis_is_fast",
     "window_gain_is_fast", "window_certificate_is_fast",
     "period_search_is_reliable", "window_step_is_fast",

@@ -15,7 +15,7 @@ from typing import TextIO
 
 from obsdesign.data.arrivals import Arrivals, Remark, Skip
 from obsdesign.data.csv_lines import OWN_TITLES
-from obsdesign.data.csv_text import estimate_header, estimate_line, event_line
+from obsdesign.data.csv_text import batch_text, estimate_header, estimate_line, event_line
 from obsdesign.data.late_run import (
     arrivals_of,
     final_then_provisional,
@@ -24,8 +24,8 @@ from obsdesign.data.late_run import (
 )
 from obsdesign.data.layout import Layout
 from obsdesign.data.left_out import LeftOut
-from obsdesign.data.records import discard, read_samples
-from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
+from obsdesign.data.records import Block, discard, read_blocks, samples_in
+from obsdesign.data.stream import Stream, results_of, starting_progress, stored_progress
 from obsdesign.data.tally import Tally
 from obsdesign.data.time_scale import TimeScale
 from obsdesign.design_file import load_design
@@ -33,7 +33,8 @@ from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.runtime import from_design
-from obsdesign.runtime.base import Estimate, Observer, Sample
+from obsdesign.runtime.base import Estimate, Observer
+from obsdesign.runtime.columns import Batch
 from obsdesign.runtime.progress import Progress, WaitingRow
 from obsdesign.runtime.status import VOID
 from obsdesign.runtime.stored_state import state_text
@@ -79,11 +80,11 @@ def execute(
         skip = left_out.skipping(remark) if skip_bad else None
         parts, rows = record.begun(stream, arrivals, skip=skip, remark=remarks.append)
         rows = scale.watched(left_out.watched(rows))
-        estimates = parts.estimates(rows, live=live)
+        results = parts.results(rows, live=live)
         if state is None:
             late = arrivals if record.layout.lag > 0 else None
-            estimates = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
-        tally = _write(observer, map(left_out.marked, estimates), out, log, live=live)
+            results = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
+        tally = _write(observer, results, out, log, left_out=left_out, live=live)
     ended = replace(parts.progress, left_out=left_out.counts, in_force=left_out.in_force,
                     first=left_out.first)  # fmt: skip
     _save(state, signed, ended, arrivals)
@@ -132,20 +133,21 @@ class _Record:
 
     def begun(
         self, stream: TextIO, arrivals: Arrivals, *, skip: Skip | None, remark: Remark
-    ) -> tuple[Stream, Iterator[Sample]]:
-        """The observer before the first final sample, and all of these.
+    ) -> tuple[Stream, Iterator[Block]]:
+        """The observer before the first final row, and all of these.
 
-        InputError if the first one cannot be taken; the state is None where no sample is final yet.
+        InputError if the first one cannot be taken; the state is None where no row is final yet.
         """
         stored, initial = self.stored, self.initial
-        samples = read_samples(
+        blocks = read_blocks(
             stream, self.layout, self.name, after=-math.inf if stored is None else stored.t,
             remark=remark, skip=skip, arrivals=arrivals,
         )  # fmt: skip
-        first = next(samples, None)
-        if first is not None:
+        block = next(blocks, None)
+        if block is not None:
+            first = next(samples_in([block]))
             progress = starting_progress(self.observer, stored, first, initial)
-            return Stream(self.observer, progress), chain([first], samples)
+            return Stream(self.observer, progress), chain([block], blocks)
         arrivals.require_mode(self.name)
         if stored is None:
             self.observer.start(arrivals.waiting[0].t, initial)
@@ -153,12 +155,13 @@ class _Record:
 
 
 def _to_the_end(
-    parts: Stream, rows: Iterator[Sample], late: Arrivals | None, *, only_final: bool, live: bool
-) -> Iterator[Estimate]:
+    parts: Stream, rows: Iterator[Block], late: Arrivals | None, *, only_final: bool, live: bool
+) -> Iterator[Estimate | Batch]:
     """Estimates of a record that ends with its rows; late: of rows that may come late."""
     if late is None:
-        return estimates_of(parts.observer, parts.progress.state, rows, live=live)
-    return final_then_provisional(parts, rows, None if only_final else late, live=live)
+        return results_of(parts, rows, live=live)
+    waiting = None if only_final else late
+    return final_then_provisional(parts, samples_in(rows), waiting, live=live)
 
 
 def _save(path: str | None, design: Design, progress: Progress, arrivals: Arrivals) -> None:
@@ -172,23 +175,30 @@ def _save(path: str | None, design: Design, progress: Progress, arrivals: Arriva
 
 def _write(
     observer: Observer,
-    estimates: Iterator[Estimate],
+    results: Iterator[Estimate | Batch],
     out: TextIO,
     log: TextIO | None,
     *,
+    left_out: LeftOut,
     live: bool,
 ) -> Tally:
     """Every estimate as a line, and how many there are of which status."""
     tally = Tally()
     out.write(estimate_header(observer.names) + "\n")
-    for estimate in estimates:
-        out.write(estimate_line(estimate) + "\n")
+    for result in results:
+        if isinstance(result, Batch):
+            batch = left_out.marked_rows(result)
+            out.write(batch_text(batch))
+            tally.add_rows(batch)
+        else:
+            estimate = left_out.marked(result)
+            out.write(estimate_line(estimate) + "\n")
+            tally.add(estimate.t, estimate.status)
         if log is not None:
-            lines = (event_line(observer.event_cells(event)) for event in estimate.events)
+            lines = (event_line(observer.event_cells(event)) for event in result.events)
             log.writelines(line + "\n" for line in lines)
         if live:
             out.flush()
-        tally.add(estimate.t, estimate.status)
     return tally
 
 

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from obsdesign.column_names import pairs
 from obsdesign.data.arrivals import BadLine, Remark, Skip
 from obsdesign.data.layout import Layout
+from obsdesign.data.records import Block
 from obsdesign.errors import InputError
 from obsdesign.runtime.announced import opening
 from obsdesign.runtime.base import Estimate, Observer, Sample
+from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.status import Reason, with_reasons
 
@@ -93,15 +96,28 @@ class LeftOut:
         if self._has_bounds:
             self._after = min(self._after, after)
 
-    def watched(self, samples: Iterator[Sample]) -> Iterator[Sample]:
+    def watched(self, blocks: Iterator[Block]) -> Iterator[Block]:
         """The rows that are taken."""
-        for sample in samples:
-            self._latest, self.first = sample.t, min(self.first, sample.t)
-            self.in_force = self.in_force.following(sample)
-            yield sample
+        for block in blocks:
+            if isinstance(block, Columns):
+                first, self._latest = float(block.t[0]), float(block.t[-1])
+                self.in_force = self.in_force.behind(block)
+            else:
+                first = self._latest = block.t
+                self.in_force = self.in_force.following(block)
+            self.first = min(self.first, first)
+            yield block
 
     def marked(self, estimate: Estimate) -> Estimate:
         """The estimate, with that reason behind a row that was left out."""
         if estimate.t <= self.after:
             return estimate
         return estimate._replace(status=with_reasons(estimate.status, [LEFT_OUT]))
+
+    def marked_rows(self, batch: Batch) -> Batch:
+        """Estimates of rows, with that reason likewise."""
+        if batch.t[-1] <= self.after:
+            return batch
+        rows = zip(batch.t.tolist(), batch.status, strict=True)
+        status = [own if t <= self.after else with_reasons(own, [LEFT_OUT]) for t, own in rows]
+        return replace(batch, status=tuple(status))

@@ -1,4 +1,4 @@
-"""Data files (CSV), read one row at a time.
+"""Data files (CSV), read a row or a block of rows at a time.
 
 They have the columns of a `Layout`; others are ignored. A row without any y is a missing sample; an
 output without an entry beside others is NaN, and every kind decides what the others are worth to
@@ -8,23 +8,24 @@ it. An empty bound is the declared one. Every complaint names the file, the line
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import islice
 from typing import TextIO
 
-import numpy as np
-
-from lmi.arithmetic.arrays import Array
-from obsdesign.column_names import MODE, RECEIVED, numbered
+from obsdesign.column_names import RECEIVED
 from obsdesign.data.arrivals import Arrivals, BadLine, Remark, Skip, require_mode
-from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
-from obsdesign.data.clock_columns import ClockColumns
-from obsdesign.data.csv_lines import cells_of, columns_titled, lines_of
+from obsdesign.data.csv_lines import lines_of
 from obsdesign.data.layout import Layout
+from obsdesign.data.record_header import Header
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import Sample
-from obsdesign.runtime.clocks.time_stamps import time_tolerance
+from obsdesign.runtime.base import Sample, samples_of
+from obsdesign.runtime.columns import Columns
+
+# a row, or several together
+Block = Sample | Columns
+
+_ROWS_TOGETHER = 1024
 
 
 def discard(text: str) -> None:
@@ -36,30 +37,55 @@ def read_samples(
     layout: Layout,
     name: str,
     *,
+    remark: Remark = discard,
+    skip: Skip | None = None,
+) -> Iterator[Sample]:
+    """Samples of a whole CSV file, as `read_blocks` has them."""
+    return samples_in(read_blocks(stream, layout, name, remark=remark, skip=skip))
+
+
+def samples_in(blocks: Iterable[Block]) -> Iterator[Sample]:
+    """The rows of blocks."""
+    for block in blocks:
+        if isinstance(block, Columns):
+            yield from samples_of(block)
+        else:
+            yield block
+
+
+def read_blocks(
+    stream: TextIO,
+    layout: Layout,
+    name: str,
+    *,
     after: float = -math.inf,
     remark: Remark = discard,
     skip: Skip | None = None,
     arrivals: Arrivals | None = None,
-) -> Iterator[Sample]:
-    """Samples of a CSV file or pipe, checked row by row; one row is one line.
+) -> Iterator[Block]:
+    """Rows of a CSV file or pipe, checked; one row is one line.
 
     after: a time before the first row; remark: called with columns that the plant has no use for;
     skip: called with every line that is no row, instead of an error. Where rows may be late, they
-    come in the order of time: all of them, or with `arrivals` those that are final.
+    come in the order of time: all of them, or with `arrivals` those that are final. Rows of a file
+    come together where they are numbers alone, those of a stream (`arrivals.is_stream`) each.
 
     InputError: no header, missing or doubled columns, text where a number belongs, times that do
     not increase, rows of the wrong length.
     """
     lines = enumerate(lines_of(stream, name), start=1)
-    header = _Header.from_line(next(lines, (1, ""))[1], layout, name)
+    header = Header.from_line(next(lines, (1, ""))[1], layout, name)
     if skip is not None and header.bounds is not None:
         header = replace(header, bounds=header.bounds.where_lines_are_skipped(name, remark))
     header.remark_on_unused(remark)
     begins = after == -math.inf if arrivals is None else arrivals.is_first
-    rows = _rows(lines, header, after, skip, begins=begins)
     if not header.may_be_late:
-        yield from (sample for _, sample in rows)
+        together = 1 if arrivals is not None and arrivals.is_stream else _ROWS_TOGETHER
+        for block in _blocks(lines, header, after, skip, begins=begins, together=together):
+            yield block if isinstance(block, Columns) else block[1]
         return
+    rows = (row for row in _blocks(lines, header, -math.inf, skip, begins=begins, together=1)
+            if not isinstance(row, Columns))  # fmt: skip
     if arrivals is None:
         samples = sorted((sample for _, sample in rows), key=lambda sample: sample.t)
         require_mode(samples[0], layout.modes, name)
@@ -68,198 +94,42 @@ def read_samples(
         yield from arrivals.in_order(rows, name, skip, has_stamps=RECEIVED in header.places)
 
 
-def _rows(
+def _blocks(
     lines: Iterator[tuple[int, str]],
-    header: _Header,
+    header: Header,
     after: float,
     skip: Skip | None,
     *,
     begins: bool,
-) -> Iterator[tuple[int, Sample]]:
-    """Numbers of the lines behind a header, and their samples, as they stand there.
+    together: int,
+) -> Iterator[Columns | tuple[int, Sample]]:
+    """Rows behind a header as they stand there: blocks, or samples with numbers of their lines.
 
-    begins: is it the first part of a record? InputError without any row, but for a later part in
-    which all are skipped.
+    begins: is it the first part of a record? together: lines of a block; 1 for none. InputError
+    without any row, but for a later part in which all are skipped.
     """
-    previous, rows, skipped = -math.inf if header.may_be_late else after, 0, 0
-    for number, line in lines:
-        where = f"{header.name} line {number}"
-        try:
-            cells = cells_of(line, where, header.name)
-            if not cells or all(not cell.strip() for cell in cells):
-                continue
-            is_first = begins and not rows
-            sample = header.sample(cells, where, previous, is_first=is_first)
-        except InputError as error:
-            if skip is None:
-                raise
-            skip(BadLine(str(error), number, header.time(line), begins and not rows))
-            skipped += 1
+    plain = header.plain if together > 1 else None
+    previous, rows, skipped = after, 0, 0
+    while several := list(islice(lines, together)):
+        block = None if plain is None else plain.record([line for _, line in several], previous)
+        if block is not None:
+            previous, rows = float(block.t[-1]), rows + len(block.t)
+            yield block
             continue
-        previous, rows = -math.inf if header.may_be_late else sample.t, rows + 1
-        yield number, sample
+        for number, line in several:
+            is_first = begins and not rows
+            try:
+                sample = header.row(number, line, previous, is_first=is_first)
+            except InputError as error:
+                if skip is None:
+                    raise
+                skip(BadLine(str(error), number, header.time(line), is_first))
+                skipped += 1
+                continue
+            if sample is not None:
+                previous, rows = -math.inf if header.may_be_late else sample.t, rows + 1
+                yield number, sample
     if not rows and (begins or not skipped):
         raise InputError(
             f"{header.name}: at least one row of data is required; there is only a header."
         )
-
-
-@dataclass(frozen=True)
-class _Header:
-    """The columns of a data file, and where those of the layout stand among them."""
-
-    titles: list[str]
-    places: dict[str, int]
-    layout: Layout
-    name: str
-    bounds: BoundColumns | None
-
-    @classmethod
-    def from_line(cls, line: str, layout: Layout, name: str) -> _Header:
-        written = cells_of(line, f"{name} line 1", name)
-        titles = columns_titled(written, layout.titles)
-        if not titles:
-            raise InputError(
-                f"{name}: a header line with column 't', ... is required; the file is empty."
-            )
-        places = _places(titles, written, layout, name)
-        bounds = None
-        if layout.bounds is not None:
-            bounds = BoundColumns(layout.bounds, places, layout.unused)
-        return cls(titles, places, layout, name, bounds)
-
-    @property
-    def may_be_late(self) -> bool:
-        """May a row arrive after rows of later times?"""
-        return self.layout.lag > 0 or RECEIVED in self.places
-
-    def time(self, line: str) -> float:
-        """The time of a line that is no row; NaN where it cannot be read."""
-        try:
-            t = number_in(cells_of(line, "", ""), self.places, "t", "")
-        except (InputError, IndexError):
-            return math.nan
-        return math.nan if t is None else t
-
-    def sample(self, cells: list[str], where: str, previous: float, *, is_first: bool) -> Sample:
-        """The sample of a line; InputError if it is none, or not after the time `previous`."""
-        if len(cells) != len(self.titles):
-            hint = " Is the decimal sign a comma?" if len(cells) > len(self.titles) else ""
-            raise InputError(
-                f"{where}: {len(self.titles)} values are required, one per column; "
-                f"got {len(cells)}.{hint}"
-            )
-        sample = _sample(cells, self.places, self.layout, where)
-        if self.layout.modes and sample.mode is None and is_first and not self.may_be_late:
-            known = ", ".join(self.layout.modes)
-            raise InputError(f"{where}: mode is required in the first row ({known}).")
-        if self.bounds is not None and self.bounds.titles:
-            sample = sample._replace(bounds=self.bounds.of_row(cells, where))
-        if self.layout.clocks is None and not self.layout.jump and "jump" in self.titles:
-            unused = cells[self.titles.index("jump")].strip()
-            if unused not in ("", "0", "0.0"):
-                raise InputError(
-                    f"{where}: jump must be 0, since the design's plant has no [jump]; got "
-                    f"{unused!r}. Is it the data of another plant?"
-                )
-        self.layout.check_time(sample.t, previous, where)
-        return sample
-
-    def remark_on_unused(self, remark: Remark) -> None:
-        """Remarks on columns of outputs beyond those of the plant, and of bounds nobody uses."""
-        if self.layout.clocks is not None:
-            self._remark_on_unknown(self.layout.clocks, remark)
-        else:
-            self._remark_on_more_outputs(remark)
-        remark_on_unused_bounds(self.titles, self.layout.bounds, self.name, remark)
-        if self.bounds is not None:
-            self.bounds.remark_on_folded(self.name, remark, self.layout.unused)
-
-    def _remark_on_more_outputs(self, remark: Remark) -> None:
-        """A remark on columns of outputs beyond those of the plant."""
-        known = {*self.layout.columns(), *self.layout.optional}
-        more = [x for x in self.titles if re.fullmatch(r"y[1-9]\d*", x) and x not in known]
-        if more:
-            outputs = f"{self.layout.y} output{'s' * (self.layout.y != 1)}"
-            remark(
-                f"{self.name}: {', '.join(more)} of the header are not used, since the design's "
-                f"plant has {outputs}. Is it the data of another plant?"
-            )
-
-    def _remark_on_unknown(self, clocks: ClockColumns, remark: Remark) -> None:
-        """A remark on columns that look like those of events and sensors, and are of none."""
-        if more := clocks.unknown(self.titles):
-            names = ", ".join([*clocks.events, *clocks.sensors])
-            remark(
-                f"{self.name}: {', '.join(more)} of the header are not used, since the events and "
-                f"sensors of the design's plant are {names}."
-            )
-
-
-def _places(header: list[str], written: list[str], layout: Layout, name: str) -> dict[str, int]:
-    """Where the columns of a layout stand in a header; written: its titles as the file has them."""
-    required = layout.columns(header)
-    for title in required:
-        if title not in header:
-            titles = ", ".join(each.strip() for each in written)
-            others = [other for other, column in layout.titles.items() if column == title]
-            hint = ""
-            if len(header) == 1 and re.search(r"[;\t|]", titles):
-                hint = " Columns are separated by commas."
-            elif title.lower() in [name.lower() for name in header]:
-                hint = " Names of columns are in small letters."
-            known = " or ".join(map(repr, [title, *others]))
-            raise InputError(f"{name}: column {known} is required; the header has {titles}.{hint}")
-    for title in dict.fromkeys((*required, *layout.optional)):
-        if header.count(title) > 1:
-            raise InputError(
-                f"{name}: column {title!r} stands {header.count(title)} times in the header."
-            )
-    optional = [title for title in layout.optional if title in header]
-    return {title: header.index(title) for title in (*required, *optional)}
-
-
-def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str) -> Sample:
-    def number(title: str) -> float | None:
-        return number_in(cells, places, title, where)
-
-    def group(letter: str, size: int) -> list[float | None]:
-        return [number(title) for title in numbered(letter, size)]
-
-    def whole(letter: str, size: int) -> Array | None:
-        values = group(letter, size)
-        return None if not values or None in values else np.array(values, dtype=np.float64)
-
-    t = number("t")
-    if t is None:
-        raise InputError(f"{where}: t must be a finite number; it is empty.")
-    mode = _mode(cells, places, layout, where)
-    if layout.clocks is not None:
-        row = layout.clocks.of_row(cells, places, where)
-        u, happens = whole("u", layout.u), bool(row.events)
-        if row.received is not None and row.received < t - time_tolerance(abs(t), t):
-            raise InputError(
-                f"{where}: {RECEIVED} must be at least t, {t!r}; got {row.received!r}. Does it "
-                "hold times, and not delays?"
-            )
-        return Sample(t, row.y, u, row.w, happens, events=row.events, received=row.received,
-                      mode=mode)  # fmt: skip
-    jump = number("jump") if layout.jump else 0.0
-    if jump not in (0.0, 1.0):
-        raise InputError(f"{where}: jump must be 0 or 1; got {cells[places['jump']]!r}.")
-    w = whole("w", layout.w)
-    if jump and layout.w and w is None:
-        raise InputError(f"{where}: w1 is required at a jump; it is empty.")
-    outputs = group("y", layout.y)
-    is_missing = all(value is None for value in outputs)
-    y = None if is_missing else np.array(outputs, dtype=np.float64)  # NaN for an empty entry
-    return Sample(t, y, whole("u", layout.u), w, bool(jump), mode=mode)
-
-
-def _mode(cells: list[str], places: dict[str, int], layout: Layout, where: str) -> str | None:
-    """The mode that a line names; None where it is empty, or the plant has no modes."""
-    name = cells[places[MODE]].strip() if layout.modes else ""
-    if name and name not in layout.modes:
-        known = ", ".join(layout.modes)
-        raise InputError(f"{where}: mode must be one of {known}, or empty; got {name!r}.")
-    return name or None

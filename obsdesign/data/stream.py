@@ -9,11 +9,21 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import cast
 
+from obsdesign.data.records import Block, samples_in
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.input_files import read_text
 from obsdesign.runtime.announced import with_events_ahead
-from obsdesign.runtime.base import Delayed, Estimate, KindState, Observer, Row, Sample, Stepped
+from obsdesign.runtime.base import (
+    Delayed,
+    Estimate,
+    KindState,
+    Observer,
+    Row,
+    Sample,
+    Stepped,
+)
+from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.stored_state import progress_from_text
 
@@ -62,9 +72,32 @@ class Stream:
                 self.progress = replace(self.progress, state=before, waiting=waiting, given=left)
             yield from decided[given:]
 
+    def results(self, blocks: Iterator[Block], *, live: bool = False) -> Iterator[Estimate | Batch]:
+        """Estimates of blocks: those of the rows of a block at once where each has its own."""
+        observer: Observer = self.observer
+        if not isinstance(observer, Stepped):
+            yield from self.estimates(samples_in(blocks), live=live)
+            return
+        for block in blocks:
+            before = self.progress.state
+            state, result = (
+                observer.batch_step(before, block) if isinstance(block, Columns)
+                else observer.step(before, block)
+            )  # fmt: skip
+            self.progress = replace(self.progress, state=state)
+            yield result
+
     def tail(self) -> Sequence[Estimate]:
         """Rows that an observer with a delay has not decided."""
         return self.observer.finish(self._latest) if isinstance(self.observer, Delayed) else ()
+
+
+def results_of(parts: Stream, blocks: Iterator[Block], *, live: bool) -> Iterator[Estimate | Batch]:
+    """Estimates of a whole record, with a delay each once it is decided."""
+    observer = parts.observer
+    if isinstance(observer, Stepped) and not observer.takes_whole_records:
+        return parts.results(blocks, live=live)
+    return estimates_of(observer, parts.progress.state, samples_in(blocks), live=live)
 
 
 def estimates_of(

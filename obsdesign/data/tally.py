@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from obsdesign.runtime.columns import Batch
 from obsdesign.runtime.status import OK, Reason, reasons_of
 
 
@@ -49,6 +50,14 @@ class Tally:
             return
         for reason in reasons_of(status):
             self._count(t, reason)
+
+    def add_rows(self, batch: Batch) -> None:
+        """Count the rows of a batch."""
+        if (good := batch.status.count(OK)) == len(batch.status):
+            self.rows, self.good = self.rows + good, self.good + good
+            return
+        for t, status in zip(batch.t.tolist(), batch.status, strict=True):
+            self.add(t, status)
 
     def _count(self, t: float, reason: Reason) -> None:
         self.kinds.setdefault(reason.kind, KindCount()).add(t, reason.number)

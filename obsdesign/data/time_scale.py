@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from statistics import median
 
 from lmi.arithmetic.arrays import Entries
-from obsdesign.runtime.base import Sample
+from obsdesign.data.records import Block
+from obsdesign.runtime.columns import Columns
 
 # intervals of each clock that are looked at
 _MOST_INTERVALS = 200
@@ -28,13 +29,16 @@ class TimeScale:
         self._intervals: dict[str, list[float]] = {entry: [] for entry in self._expected}
         self._last: dict[str, float] = {}
 
-    def watched(self, samples: Iterable[Sample]) -> Iterator[Sample]:
-        """The same samples; their times are noted as they pass."""
-        for sample in samples:
-            self._note("output.period", sample.t)
-            if sample.jump:
-                self._note("jump.dwell_time", sample.t)
-            yield sample
+    def watched(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """The same rows; their times are noted as they pass."""
+        for block in blocks:
+            if isinstance(block, Columns):
+                rows, jumps = block.t.tolist(), block.t[block.jump].tolist()
+            else:
+                rows, jumps = [block.t], [block.t] if block.jump else []
+            self._note("output.period", rows)
+            self._note("jump.dwell_time", jumps)
+            yield block
 
     def remarks(self, name: str) -> list[str]:
         """A remark where the median time of a clock is far from what is stated."""
@@ -51,13 +55,16 @@ class TimeScale:
                 ]
         return []
 
-    def _note(self, entry: str, t: float) -> None:
+    def _note(self, entry: str, times: Iterable[float]) -> None:
         intervals = self._intervals.get(entry)
-        if intervals is None or len(intervals) >= _MOST_INTERVALS:
+        if intervals is None:
             return
-        if entry in self._last and t > self._last[entry]:
-            intervals.append(t - self._last[entry])
-        self._last[entry] = t
+        for t in times:
+            if len(intervals) >= _MOST_INTERVALS:
+                return
+            if entry in self._last and t > self._last[entry]:
+                intervals.append(t - self._last[entry])
+            self._last[entry] = t
 
 
 def _ends(value: object) -> tuple[float, float]:

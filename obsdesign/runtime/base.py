@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import repeat
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -212,6 +213,14 @@ class Stepped(RecordRunner[State]):
     def step(self, state: State, sample: Sample) -> tuple[State, Estimate]:
         """The state and the estimate after one sample."""
 
+    def batch_step(self, state: State, record: Columns) -> tuple[State, Batch]:
+        """The state and the estimates after the rows of a record: the numbers of `step`."""
+        estimates = list[Estimate]()
+        for sample in samples_of(record):
+            state, estimate = self.step(state, sample)
+            estimates.append(estimate)
+        return state, collect(estimates)
+
     def run(self, state: State, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples, one each, in constant memory."""
         for sample in samples:
@@ -318,7 +327,10 @@ def samples_of(record: Columns) -> Iterator[Sample]:
     absent = [None] * len(record.t)
     blocks = (record.y, record.u, record.w, record.bounds, record.mode)
     y, u, w, bounds, mode = (absent if block is None else block for block in blocks)
+    if record.y is not None and (gaps := np.isnan(record.y)).any():
+        rows = zip(record.y, gaps.tolist(), strict=True)
+        y = [None if all(missing) else row for row, missing in rows]
     happens, events, at_their_time = record.happens, record.events, absent
     columns = (record.t.tolist(), y, u, w, happens, bounds, events, at_their_time, mode)
-    for row in zip(*columns, strict=True):
-        yield Sample(*row)
+    for row in zip(*columns, repeat(()), strict=False):
+        yield by_position(Sample, row)

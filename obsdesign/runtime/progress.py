@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix, Value
-from obsdesign.runtime.base import Row, Sample, Vector
+from obsdesign.runtime.base import Row, Sample, Vector, samples_of
 from obsdesign.runtime.bounds import Bounds
+from obsdesign.runtime.columns import Columns
 from obsdesign.runtime.state_marks import Inputs, Measured, MeasuredRow, Past
 
 
@@ -81,6 +82,17 @@ class InForce(NamedTuple):
         if mode == self.mode and all(np.array_equal(_table(x), _table(old)) for x, old in pairs):
             return self
         return InForce(float(sample.t), u, b, mode, self.is_narrowed or b is not None)
+
+    def behind(self, record: Columns) -> InForce:
+        """What holds behind rows of t, y, u, w and jumps alone: that of `following` in turn."""
+        first = self.following(next(samples_of(record)))
+        if record.u is None:
+            return first
+        changes = np.flatnonzero((record.u[1:] != record.u[:-1]).any(axis=1)) + 1
+        if not changes.size:
+            return first
+        last = int(changes[-1])
+        return first._replace(since=float(record.t[last]), u=record.u[last])
 
     def is_changed_by(self, sample: Sample) -> bool:
         """Is something else in force behind an earlier row than without it, as far as is known?"""

@@ -194,8 +194,12 @@ class IntervalObserver(BoundsObserver[IntervalState]):
 
     def batch(self, state: IntervalState, record: Columns) -> Batch:
         """Estimates of the rows of a record from a state at its first row: those of `step`."""
+        return self.batch_step(state, record)[1]
+
+    def batch_step(self, state: IntervalState, record: Columns) -> tuple[IntervalState, Batch]:
+        """The state and the estimates after the rows of a record: the numbers of `step`."""
         if record.y is None:
-            return super().batch(state, record)
+            return super().batch_step(state, record)
         return Stretches(self.kernels, self.clock, record, record.y).batch(state, self.step)
 
     @cached_property

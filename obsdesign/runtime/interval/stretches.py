@@ -117,8 +117,8 @@ class Stretches:
     record: Columns
     y: Matrix
 
-    def batch(self, state: IntervalState, step: Step) -> Batch:
-        """Estimates of all rows: of those between stretches by `step`."""
+    def batch(self, state: IntervalState, step: Step) -> tuple[IntervalState, Batch]:
+        """The state after all rows, and their estimates: between stretches by `step`."""
         record, n, rows = self.record, self.kernels.gains.n, len(self.record.t)
         lower, upper = np.empty((rows, n)), np.empty((rows, n))
         status, row = ["ok"] * rows, 0
@@ -136,7 +136,7 @@ class Stretches:
                 status[row] = estimate.status
                 events += estimate.events
                 row += 1
-        return Batch(record.t, None, lower, upper, None, tuple(status), tuple(events))
+        return state, Batch(record.t, None, lower, upper, None, tuple(status), tuple(events))
 
     def _sample(self, row: int) -> Sample:
         u, w = (None if block is None else block[row] for block in (self.record.u, self.record.w))
