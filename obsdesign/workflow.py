@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TypeVar
 
@@ -46,6 +46,11 @@ class Outcome:
     guarantees: tuple[Guarantee, ...] = ()
     warnings: tuple[str, ...] = ()
     headline: tuple[str, ...] = ()
+
+    def with_claims(self, claims: tuple[Claim, ...]) -> Outcome:
+        """The outcome of these claims besides."""
+        every = (*self.claims, *claims)
+        return replace(self, claims=every, verdict=overall(claim.verdict for claim in every))
 
     def __repr__(self) -> str:
         proved = sum(claim.verdict == "proved" for claim in self.claims)

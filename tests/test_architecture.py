@@ -122,7 +122,7 @@ LEVELS = (
     ("bundle", "workflow"),
     ("candidate_choice",),
     ("synthesis", "verification"),
-    ("analysis", "data", "interop"),
+    ("analysis", "data", "interop", "export"),
     ("runtime", "problem"),
     ("design_file",),
     ("document",),

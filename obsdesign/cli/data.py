@@ -1,4 +1,4 @@
-"""`simulate`, `run`, `plot`, `export`: records, estimates, gains for other programs."""
+"""`simulate`, `run`, `plot`, `convert`, `noise`: records and estimates."""
 
 from __future__ import annotations
 
@@ -221,24 +221,6 @@ def _problem_of(design_file: str) -> Problem:
     from obsdesign.problem.problem import Problem
 
     return Problem.from_dict(load_design(design_file).problem)
-
-
-@click.command()
-@click.argument("design_file", metavar="DESIGN", type=click.Path())
-@output_option("gains.mat", "MATLAB file.")
-def export(design_file: str, output: str) -> int:
-    """Write the gains and the plant of DESIGN to a MATLAB file."""
-    from obsdesign.design_file import load_design
-    from obsdesign.interop.export import save_mat
-    from obsdesign.output_files import refuse_overwriting
-
-    refuse_overwriting(output, design_file)
-    if Path(output).suffix.lower() != ".mat":
-        raise InputError(f"{output}: gains are exported to a file that ends in .mat.")
-    design = load_design(design_file)
-    save_mat(design, output)
-    say(f"written: {output}, {len(design.gains)} gains of kind {design.kind}")
-    return 0
 
 
 @click.command()

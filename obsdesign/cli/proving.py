@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -23,7 +24,7 @@ from obsdesign.errors import naming
 from obsdesign.kinds import GIVING_BOUNDS, SEARCHES
 
 if TYPE_CHECKING:
-    from obsdesign.document import Design
+    from obsdesign.document import Claim, Design
     from obsdesign.problem.problem import Problem
     from obsdesign.workflow import Outcome
 
@@ -102,14 +103,16 @@ def design(
 @click.option("--paranoid", is_flag=True, help="Prove a second time by an independent method.")
 @AS_JSON
 def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
-    """Prove everything in DESIGN again, from the file alone and without a solver."""
+    """Prove everything in DESIGN again, from the file alone and without a solver.
+
+    DESIGN may be a folder of `export --to c`: then also that its source is that of its design.
+    """
     from obsdesign import workflow
     from obsdesign.cli.answers import EXIT_CODES, answer
-    from obsdesign.design_file import load_design
 
-    design = load_design(design_file)
+    design, code = _exported(design_file)
     with progress_message("verifying"), naming(design_file):
-        outcome = workflow.verify(design, paranoid=paranoid)
+        outcome = workflow.verify(design, paranoid=paranoid).with_claims(code)
     if as_json:
         from obsdesign.studies.typical import with_typical  # simulates: people get a line without
 
@@ -150,6 +153,18 @@ def search(
     elif not is_quiet():
         show_bracket(what, outcome)
     return EXIT_CODES[outcome.verdict]
+
+
+def _exported(path: str) -> tuple[Design, tuple[Claim, ...]]:
+    """The design of a file, or that of a folder with the claim about its source."""
+    if not Path(path).is_dir():
+        from obsdesign.design_file import load_design
+
+        return load_design(path), ()
+    from obsdesign.export.folder import code_claim
+
+    design, claim = code_claim(path)
+    return design, (claim,)
 
 
 def _show(outcome: Outcome, name: str, *, in_a_line: bool = False) -> None:

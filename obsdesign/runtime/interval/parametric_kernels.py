@@ -85,7 +85,8 @@ class ParametricKernels(StepKernels):
             for corrected in own
         }
 
-    def _built(self, h: float, h_error: float) -> KernelsOfStep:
+    def built(self, h: float, h_error: float) -> KernelsOfStep:
+        """Kernels of a length of its own, h >= 0, known up to h_error."""
         with np.errstate(over="ignore", invalid="ignore"):
             own = parametric_step_maps(
                 self.own_model, self.effects, h, h_error, is_periodic=self.is_periodic

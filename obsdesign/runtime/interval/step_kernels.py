@@ -248,10 +248,10 @@ class StepKernels:
     def _of_length(self, h: float, h_error: float, size: float) -> KernelsOfStep:
         """Kernels of a shared length: those of its cell, of the period its own."""
         if h == 0.0 or self.cells is None or self._is_period(h, size):
-            return self._built(h, h_error)
+            return self.built(h, h_error)
         spot = self.cells.spot(h, size)
         if spot is None:
-            return self._built(h, h_error)
+            return self.built(h, h_error)
         return KernelsOfStep(
             partial(self.cells.box_map, spot=spot), partial(self.cells.kernel, spot=spot)
         )
@@ -260,8 +260,8 @@ class StepKernels:
         period = self.gains.period
         return period is not None and abs(h - period) <= time_tolerance(period, size)
 
-    def _built(self, h: float, h_error: float) -> KernelsOfStep:
-        """Kernels of a length of its own."""
+    def built(self, h: float, h_error: float) -> KernelsOfStep:
+        """Kernels of a length of its own, h >= 0, known up to h_error."""
         with np.errstate(over="ignore", invalid="ignore"):
             maps = step_maps(self.model, h, h_error, is_periodic=self.is_periodic)
         return KernelsOfStep(maps.__getitem__, lambda name: self._kernel(name, maps))

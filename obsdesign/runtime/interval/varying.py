@@ -164,7 +164,8 @@ class VaryingKernels(StepKernels):
             tuple(replace(model, V=row) if row.any() else None for row in v),
         )
 
-    def _built(self, h: float, h_error: float) -> KernelsOfStep:
+    def built(self, h: float, h_error: float) -> KernelsOfStep:
+        """Kernels of a length of its own, h >= 0, known up to h_error."""
         b, _, v = self._models
         maps, *of_entries = (
             None if model is None

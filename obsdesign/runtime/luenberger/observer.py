@@ -115,7 +115,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         if y.dtype is not _FLOAT or y.shape != start.shape or not _moderate(y):
             return None
         h, end = t - since, centred(y.copy(), self.gains)
-        if not 0.0 < h < self._measured_cells.longest:
+        if not 0.0 < h < self.measured_cells.longest:
             return None
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
@@ -164,25 +164,26 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         end = y_end if y_end is not None else start
         h = t - state.t
         if start is None or end is None:
-            return np.asarray(self._free_cells.at(h).dot(concatenate((state.x, state.u, _ONE))))
+            return np.asarray(self.free_cells.at(h).dot(concatenate((state.x, state.u, _ONE))))
         return self._measured(h, state.x, start, state.u, end)
 
     def _measured(self, h: float, x: Matrix, start: Matrix, u: Matrix, end: Matrix) -> Matrix:
         """The estimate after a step h in which y goes from start to end."""
         slope = (end - start) / max(h, _SHORTEST)
         known = concatenate((x, start, u, _ONE, slope))
-        return np.asarray(self._measured_cells.at(h).dot(known))
+        return np.asarray(self.measured_cells.at(h).dot(known))
 
     @cached_property
     def _known_inputs(self) -> KnownInputs:
         return KnownInputs(self.gains.input_bound, self.gains.jump_input_bound)
 
     @cached_property
-    def _free_cells(self) -> FlowCells:
+    def free_cells(self) -> FlowCells:
+        """Steps of [x; u; 1]."""
         return free_cells(self.gains)
 
     @cached_property
-    def _measured_cells(self) -> FlowCells:
+    def measured_cells(self) -> FlowCells:
         """Steps of [x; y; u; 1; slope of y]."""
         g, driven = self.gains, driven_columns(self.gains)
         n, p, known = g.n, g.p, driven.shape[1]

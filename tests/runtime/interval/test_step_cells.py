@@ -196,8 +196,8 @@ def test_bounds_are_those_of_kernels_of_their_own(mode: str, start: float) -> No
         h, half = shared_length(size - start, size)
         if kernels.cells.spot(h, size) is None:
             continue
-        exactly = kernels._built(h, 0.0)
-        ours, theirs = kernels.for_step(h, size), kernels._built(h, half + length_error(h, size))
+        exactly = kernels.built(h, 0.0)
+        ours, theirs = kernels.for_step(h, size), kernels.built(h, half + length_error(h, size))
         for name in ("none", "sampled") if mode == "periodic" else ("none", "start", "end", "both"):
             centre, radius = rng.normal(size=n), np.exp(rng.uniform(-5, 1, n))
             box = np.concatenate([centre - radius, -centre - radius])
@@ -230,7 +230,7 @@ def test_bounds_hold_for_every_length_that_the_stamps_allow(mode: str) -> None:
         for name in ("none", "sampled") if mode == "periodic" else ("none", "start", "end", "both"):
             got = ends(kernels.for_step(h, size)[name], box, y, np.ones(1))
             for length in (h - error, h, h + error):
-                others = ends(kernels._built(length, 0.0)[name], box, y, np.ones(1))
+                others = ends(kernels.built(length, 0.0)[name], box, y, np.ones(1))
                 assert np.all(got <= others + 1e-11 * np.abs(others).max())
             compared += 1
     assert compared > 6

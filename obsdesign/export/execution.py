@@ -1,0 +1,157 @@
+"""A program run in Python: every operation of the C code in its order, rounded as there.
+
+The results are those of C without fused multiplication, bit for bit.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.export.program import Product, Program
+
+_LARGEST = {np.float64: np.finfo(np.float64).max, np.float32: np.finfo(np.float32).max}
+
+
+class Row(NamedTuple):
+    """A sample of a target: step, its place among the lengths, 0 for none; y: None if missing."""
+
+    step: int
+    y: Matrix | None
+    u: Matrix | None = None
+    w: Matrix | None = None
+    jump: bool = False
+
+
+class Carried(NamedTuple):
+    """What the next row needs of numbers: e, the measurement that it starts from, and u.
+
+    since_jump: ticks since the last jump, None before the first.
+    """
+
+    e: Matrix
+    y: Matrix | None
+    u: Matrix
+    since_jump: int | None = None
+
+
+class Execution:
+    """Steps of a program; numbers are those of its target."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self._dtype = program.target.dtype
+        self._rows = [each.rows.astype(self._dtype) for each in program.products]
+
+    def start(self, *initial: Matrix) -> Carried:
+        """The state from bounds lower, upper of x, or from an estimate x."""
+        program, u = self.program, self._numbers(np.zeros(self.program.sizes.m))
+        first = [self._numbers(each) for each in initial]
+        if not program.has_bounds:
+            return Carried(first[0], None, u)
+        e = np.concatenate([first[0], -first[1]])
+        if program.initial is not None:
+            _, e = self._applied(program.initial, e, None, None, u)
+        return Carried(e, None, u)
+
+    def step(self, state: Carried, row: Row) -> tuple[Carried, Matrix]:
+        """The state and [lower; -upper] of x, or x, after a row."""
+        program = self.program
+        when, flow = program.rules.when, program.flows[row.step]
+        y = None if row.y is None else self._numbers(row.y)
+        used = y if not row.jump or when == "before" else None
+        ends = e = state.e
+        if flow is not None:
+            place = flow[_MODES[state.y is not None, used is not None]]
+            ends, e = self._applied(place, e, state.y, used, state.u)
+        elapsed = state.since_jump
+        if elapsed is not None and row.step:
+            elapsed += program.timing.ticks[row.step - 1]
+        if row.jump:
+            corrected = y is not None and when != "none"
+            place = program.jumps[self._cell(elapsed)][corrected]
+            w = self._numbers(np.zeros(program.sizes.l) if row.w is None else row.w)
+            ends, e = self._applied(place, e, None, y if corrected else None, w)
+            if corrected and program.still is not None:
+                ends, e = self._applied(program.still, e, None, y, state.u)
+            elapsed = 0
+        kept = y if not row.jump or when == "after" else None
+        u = state.u if row.u is None else self._numbers(row.u)
+        return Carried(e, kept, u, elapsed), ends
+
+    def _cell(self, elapsed: int | None) -> int:
+        borders = self.program.timing.borders
+        if elapsed is None or not borders:
+            return 0
+        return 1 + sum(border <= elapsed for border in borders)
+
+    def _numbers(self, values: Matrix) -> Matrix:
+        return np.asarray(values, dtype=self._dtype)
+
+    def _applied(
+        self, place: int, e: Matrix, y0: Matrix | None, y1: Matrix | None, known: Matrix
+    ) -> tuple[Matrix, Matrix]:
+        """(ends of x, ends that are carried) of a product."""
+        sizes, product = self.program.sizes, self.program.products[place]
+        v = np.zeros(sizes.middle, self._dtype)
+        v[: sizes.ends] = e
+        at = sizes.ends
+        for y in (y0, y1):
+            if y is not None:
+                v[at : at + sizes.p] = y
+            at += sizes.p
+        v[at : at + len(known)] = known
+        v[-1] = 1.0
+        if not self.program.has_bounds:
+            result = self._sums(place, v)
+            return result, result
+        out = self._sums(place, np.concatenate([v, np.abs(v)]))
+        return self._largest(product, out)
+
+    def _sums(self, place: int, v: Matrix) -> Matrix:
+        rows = self._rows[place]
+        total = np.zeros(len(rows), self._dtype)
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+            for column, value in zip(rows.T, v, strict=True):
+                total = total + column * value
+        return total
+
+    def _largest(self, product: Product, out: Matrix) -> tuple[Matrix, Matrix]:
+        n2 = self.program.sizes.ends
+        if not out[product.rooms] <= _LARGEST[self._dtype]:
+            nothing = np.full(n2, -np.inf, self._dtype)
+            return nothing, nothing
+        blocks = out[product.rooms + 1 :].reshape(-1, n2)
+        ends = blocks[: product.outer].max(axis=0)
+        inner = blocks[product.outer : product.outer + product.inner]
+        e = inner.max(axis=0) if product.inner else ends
+        if _crossed(ends) or _crossed(e):
+            of_x, of_z = product.whole
+            return blocks[of_x], blocks[of_z]
+        return ends, e
+
+
+def width_cost(program: Program, double: Program, rows: list[Row], initial: list[Matrix]) -> float:
+    """Relative growth of the mean width of all bounds of a record against binary64."""
+    means = []
+    for each in (program, double):
+        execution = Execution(each)
+        state, widths = execution.start(*initial), []
+        for row in rows:
+            state, ends = execution.step(state, row)
+            widths.append(-(ends[: each.sizes.n] + ends[each.sizes.n :]).astype(np.float64))
+        means.append(np.mean(widths, axis=0))
+    ours, least = means
+    return float(np.max(np.where(least > 0, ours / np.where(least > 0, least, 1.0) - 1.0, 0.0)))
+
+
+def _crossed(ends: Matrix) -> bool:
+    n = len(ends) // 2
+    return bool((ends[:n] > -ends[n:]).any())
+
+
+_MODES = {
+    (False, False): "none", (True, False): "start", (False, True): "end", (True, True): "both",
+}  # fmt: skip

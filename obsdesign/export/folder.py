@@ -1,0 +1,150 @@
+"""A folder with a design as C: written, and compared with what the design gives."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from lmi.arithmetic.arrays import NewEntries, Value
+from obsdesign.design_file import load_design
+from obsdesign.document import Claim, Design
+from obsdesign.errors import InputError, naming
+from obsdesign.export.manifest import Options, manifest_of, options_of
+from obsdesign.export.programs import typed_gains
+from obsdesign.export.record import record_of
+from obsdesign.export.self_test import self_test_words
+from obsdesign.export.source import Export, rendered
+from obsdesign.input_files import read_text
+from obsdesign.output_files import write_text
+
+DESIGN, MANIFEST = "design.json", "manifest.json"
+# numbers of a file, in C and in JSON
+_NUMBER = re.compile(r"-?(?:0x[0-9a-f.]+p[+-]?\d+|\d+\.?\d*(?:e[+-]?\d+)?)f?", re.ASCII)
+# parts of themselves by which numbers of another machine differ: its sums have another order
+_OTHER_MACHINE = 1e-6
+
+
+def write_code(design: Design, folder: str | os.PathLike[str], options: Options) -> list[str]:
+    """Write a design as C with its manifest and self-test; return the names of the files.
+
+    The folder is made where there is none. InputError for a design that cannot be exported, and
+    where the folder cannot be written.
+    """
+    texts = code_texts(design, options)
+    path = Path(folder)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}.") from None
+    design.save(path / DESIGN)
+    for name, text in texts.items():
+        write_text(path / name, text)
+    return [DESIGN, *texts]
+
+
+def code_texts(design: Design, options: Options) -> dict[str, str]:
+    """Texts of all files but the design, by name."""
+    program, gains = options.program(design), typed_gains(design)
+    names = design.problem.get("names") or {}
+    export = Export(program, design.name, design.digest, options.prefix, names)
+    record = record_of(design, program, gains)
+    manifest = manifest_of(export, record, options, design)
+    words = {
+        "rows": len(record.rows), "cost": f"{100.0 * manifest['width_cost']:.2g} %",
+        "rounding": f"{manifest['rounding_of_a_step']:.2g}",
+    }  # fmt: skip
+    p = options.prefix
+    return {
+        f"{p}.h": rendered("observer.h.j2", export),
+        f"{p}.c": rendered("observer.c.j2", export),
+        f"{p}_test.c": rendered("observer_test.c.j2", export, **self_test_words(export, record)),
+        "README.md": rendered("README.md.j2", export, **words),
+        "CMakeLists.txt": rendered("CMakeLists.txt.j2", export),
+        MANIFEST: json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False),
+    }
+
+
+def code_claim(folder: str | os.PathLike[str]) -> tuple[Design, Claim]:
+    """The design of a folder, and the claim that its files are what the design gives.
+
+    InputError where the folder has no design or no manifest.
+    """
+    path = Path(folder)
+    design = load_design(path / DESIGN)
+    with naming(path / MANIFEST):
+        options = options_of(_manifest(path / MANIFEST), design)
+        texts = code_texts(design, options)
+    worst: NewEntries = {}
+    for name, text in texts.items():
+        difference = _difference(path / name, text)
+        if difference is not None and (not worst or not difference["numbers_only"]):
+            worst = {"file": name, **difference}
+    margin = json.loads(texts[MANIFEST])["smallest_margin"]
+    return design, _claim(worst, margin)
+
+
+def _claim(worst: Mapping[str, Value], margin: float | None) -> Claim:
+    statement = (
+        "tables, source and manifest are those of the design, and their margins cover the "
+        "rounding of every operation"
+    )
+    verdict, evidence = "proved", {"smallest_margin": margin}
+    if worst:
+        verdict = "undecided" if worst["numbers_only"] else "refuted"
+        evidence = dict(worst)
+    return Claim("code", statement, "N. J. Higham (2002), section 3.1", verdict, evidence)
+
+
+def _manifest(path: Path) -> Value:
+    try:
+        return json.loads(read_text(path))
+    except ValueError as error:
+        raise InputError(f"not JSON: {error}.") from None
+
+
+def _difference(path: Path, text: str) -> NewEntries | None:
+    """The first line in which a file is not `text`; None where there is none."""
+    try:
+        lines = read_text(path).splitlines()
+    except InputError as error:
+        return {"line": 0, "reason": str(error), "numbers_only": False}
+    own = text.splitlines()
+    numbers_only = len(lines) == len(own) and all(map(_differs_in_numbers, lines, own))
+    for k, (stated, wanted) in enumerate(_padded(lines, own), start=1):
+        if stated != wanted:
+            why = f"has {_short(stated)} where the design gives {_short(wanted)}"
+            return {"line": k, "reason": why, "numbers_only": numbers_only}
+    return None
+
+
+def _padded(first: Sequence[str], second: Sequence[str]) -> list[tuple[str, str]]:
+    length = max(len(first), len(second))
+    return [
+        (first[k] if k < len(first) else "", second[k] if k < len(second) else "")
+        for k in range(length)
+    ]
+
+
+def _differs_in_numbers(first: str, second: str) -> bool:
+    """Are two lines equal but for the last digits of their numbers?"""
+    if first == second:
+        return True
+    if _NUMBER.sub("#", first) != _NUMBER.sub("#", second):
+        return False
+    pairs = zip(_NUMBER.findall(first), _NUMBER.findall(second), strict=True)
+    return all(
+        abs(a - b) <= _OTHER_MACHINE * abs(b) for a, b in (map(_value, pair) for pair in pairs)
+    )
+
+
+def _value(number: str) -> float:
+    text = number.removesuffix("f") if "x" not in number or "p" in number else number
+    return float.fromhex(text) if "x" in text else float(text)
+
+
+def _short(line: str) -> str:
+    text = line.strip()
+    return repr(text if len(text) <= 60 else text[:57] + "...")

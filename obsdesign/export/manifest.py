@@ -1,0 +1,90 @@
+"""The manifest of exported code: its origin, operation counts, what rounding costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import NewEntries, Value
+from obsdesign.document import Design
+from obsdesign.errors import InputError
+from obsdesign.export.execution import width_cost
+from obsdesign.export.precision import PRECISIONS, gamma
+from obsdesign.export.program import FLOWS, Program
+from obsdesign.export.programs import program_of
+from obsdesign.export.record import Record
+from obsdesign.export.source import Export
+from obsdesign.version import __version__
+
+FORMAT, VERSION = "obsdesign/code", 1
+
+
+@dataclass(frozen=True)
+class Options:
+    """What an export may choose. steps: lengths, none: the period; prefix: of the names in C."""
+
+    precision: str = "double"
+    steps: tuple[float, ...] = ()
+    prefix: str = "obs"
+
+    def program(self, design: Design) -> Program:
+        """The program of a design."""
+        return program_of(design, self.precision, self.steps)
+
+
+def manifest_of(export: Export, record: Record, options: Options, design: Design) -> NewEntries:
+    """The entries of the manifest; numbers of operations are those of one row without jump."""
+    program, target = export.program, export.program.target
+    terms = max(product.terms for product in program.products)
+    cost = 0.0
+    if program.has_bounds and target.name != "double":
+        double = program_of(design, "double", options.steps)
+        cost = width_cost(program, double, record.rows, record.initial)
+    margin = None
+    if program.has_bounds:
+        margin = min(product.margin(target) for product in program.products)
+    timing = program.timing
+    return {
+        "format": FORMAT, "version": VERSION, "obsdesign": __version__, "design": export.digest,
+        "kind": program.kind, "precision": target.name, "prefix": export.prefix,
+        "steps": list(timing.lengths), "tick": str(timing.tick),
+        "tables": len(program.products), "numbers": _numbers(program),
+        "products_of_a_row": terms, "multiplications_of_a_step": _multiplications(program),
+        "unit_roundoff": target.unit, "rounding_of_a_step": _rounding(terms, target.unit),
+        "smallest_margin": margin, "width_cost": cost,
+        "rows_of_self_test": len(record.rows),
+    }  # fmt: skip
+
+
+def options_of(manifest: Value, design: Design) -> Options:
+    """The options that a manifest states; InputError where it is none, or of another design."""
+    if not isinstance(manifest, Mapping) or manifest.get("format") != FORMAT:
+        raise InputError(f"not a manifest: format must be {FORMAT!r}.")
+    if manifest.get("version") != VERSION:
+        raise InputError(f"version must be {VERSION}; got {manifest.get('version')!r}.")
+    if manifest.get("design") != design.digest:
+        raise InputError("the digest of the design is another one than that of design.json.")
+    precision, prefix, steps = (manifest.get(key) for key in ("precision", "prefix", "steps"))
+    if precision not in PRECISIONS:
+        raise InputError(f"precision must be one of {', '.join(PRECISIONS)}; got {precision!r}.")
+    if not isinstance(prefix, str):
+        raise InputError(f"prefix must be a text; got {prefix!r}.")
+    if not isinstance(steps, list) or not all(type(each) in (int, float) for each in steps):
+        raise InputError(f"steps must be a list of numbers; got {steps!r}.")
+    return Options(precision, tuple(float(each) for each in steps), prefix)
+
+
+def _numbers(program: Program) -> int:
+    return sum(product.rows.size for product in program.products)
+
+
+def _multiplications(program: Program) -> int:
+    """Of the largest table of a step: every number of it is used once."""
+    places = [flow[name] for flow in program.flows if flow is not None for name in FLOWS]
+    return max(program.products[place].rows.size for place in places)
+
+
+def _rounding(terms: int, unit: float) -> float:
+    return float(gamma(np.array([terms]), unit)[0])

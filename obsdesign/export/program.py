@@ -1,0 +1,178 @@
+"""A step of an observer as tables and a fixed list of products: what C is written from.
+
+Every kind's step is a product of one table with v = [e; y0; y1; known; 1], e what the state
+carries, y0 and y1 the measurements at start and end, known the input of a step or of a jump. Bounds
+(`Program.has_bounds`) append |v|, and take the largest of several results of one entry.
+
+    flow        by the length of the step, and by which measurements are there
+    jump        by whether its measurement is there, and by the dwell time that ends with it
+    still       with a sample just after a jump, where samples are events
+    initial     from bounds of x to those of z, x = S z
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.errors import InputError
+from obsdesign.export.precision import Precision, covered, outward
+from obsdesign.export.timing import Timing
+
+# of a step, by which of its measurements are there: at its start, at its end
+FLOWS = ("none", "start", "end", "both")
+
+
+@dataclass(frozen=True)
+class Product:
+    """A table and how its results are read.
+
+    rows (k, width). Of bounds: `rooms` rows that are negative where y1 contradicts the box, a sum
+    of all magnitudes, and blocks of `ends` rows: `outer` candidates for the bounds of x, `inner`
+    for those of z; whole: places of the blocks without cuts, of x and of z. Of a point estimate:
+    its rows alone.
+    """
+
+    rows: Matrix
+    rooms: int = 0
+    outer: int = 1
+    inner: int = 0
+    whole: tuple[int, int] = (0, 0)
+
+    @property
+    def terms(self) -> int:
+        """Products of the longest row that are not zero."""
+        return int(np.count_nonzero(self.rows, axis=1).max(initial=0))
+
+    def in_precision(self, target: Precision) -> Product:
+        """The same on a target, bounds rounded outward; InputError beyond its range."""
+        rows = self._rounded(target) if self.rooms else target.nearest(self.rows)
+        if not np.isfinite(rows).all():
+            raise InputError(
+                f"--precision {target.name}: a number of the design is beyond its range; "
+                "use double, or other units."
+            )
+        return replace(self, rows=rows)
+
+    def _rounded(self, target: Precision) -> Matrix:
+        """Rows of bounds, and a sum of magnitudes above each of their sums."""
+        upper = outward(self.rows[: self.rooms], 1.0, target)
+        lower = outward(self.rows[self.rooms + 1 :], -1.0, target)
+        weights = 2.0 * np.abs(np.vstack([upper, lower])).sum(axis=0)
+        middle = len(weights) // 2
+        weights[middle:] += weights[:middle]
+        weights[:middle] = 0.0
+        total = target.above(weights * (1.0 + target.unit))
+        return np.vstack([upper, total, lower])
+
+    def margin(self, target: Precision) -> float:
+        """How many times each row covers the rounding of its products, at least."""
+        upper, lower = self.rows[: self.rooms], self.rows[self.rooms + 1 :]
+        return min(covered(upper, 1.0, target), covered(lower, -1.0, target))
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Which rows are in time, and which measurement a jump has.
+
+    when: before | after | none; corrects: does a measurement between jumps count? is_periodic: are
+    samples events, a period apart? allows_no_second_jump: between two of them? input_bound,
+    jump_input_bound: largest |u| and |w| that bounds of the error of a point estimate count on,
+    None without any.
+    """
+
+    when: str
+    corrects: bool
+    is_periodic: bool = False
+    allows_no_second_jump: bool = False
+    input_bound: Matrix | None = None
+    jump_input_bound: Matrix | None = None
+
+
+@dataclass(frozen=True)
+class Program:
+    """An observer for a target.
+
+    n, p, m, l: numbers of states, outputs and inputs of flow and jump; ends: of what the state
+    carries; products: all tables, each once; flows: of each length by `FLOWS` the places of tables,
+    the first of length zero, None where nothing changes; jumps: of each dwell cell those without
+    and with a measurement; still, initial: places, None where there are none.
+    """
+
+    kind: str
+    target: Precision
+    sizes: Sizes
+    products: tuple[Product, ...]
+    flows: tuple[Mapping[str, int] | None, ...]
+    jumps: tuple[tuple[int, int], ...]
+    still: int | None
+    initial: int | None
+    timing: Timing
+    rules: Rules
+
+    @property
+    def has_bounds(self) -> bool:
+        """Does it answer with bounds?"""
+        return self.kind == "interval"
+
+    @property
+    def width(self) -> int:
+        """Length of v, magnitudes included."""
+        return self.sizes.middle * (2 if self.has_bounds else 1)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Numbers of states, outputs, inputs of the flow and of the jump, and of what is carried."""
+
+    n: int
+    p: int
+    m: int
+    l: int  # noqa: E741
+    ends: int
+
+    @property
+    def known(self) -> int:
+        """Known inputs in v, of the flow or of the jump."""
+        return max(self.m, self.l)
+
+    @property
+    def middle(self) -> int:
+        """Length of v without magnitudes."""
+        return self.ends + 2 * self.p + self.known + 1
+
+    def widened(self, rows: Matrix, inputs: int, *, has_magnitudes: bool) -> Matrix:
+        """Rows for `inputs` known numbers as rows for as many as v has."""
+        added = np.zeros((len(rows), self.known - inputs))
+        parts = np.hsplit(rows, 2) if has_magnitudes else [rows]
+        return np.hstack([np.hstack([part[:, :-1], added, part[:, -1:]]) for part in parts])
+
+
+class Tables:
+    """Products that are collected, each distinct table once."""
+
+    def __init__(self, target: Precision) -> None:
+        self._target = target
+        self._places: dict[tuple[bytes, int, int, tuple[int, int]], int] = {}
+        self.products: list[Product] = []
+
+    def place(self, product: Product) -> int:
+        """Where a product stands among those of the target, as its numbers."""
+        own = product.in_precision(self._target)
+        key = (own.rows.tobytes(), own.outer, own.inner, own.whole)
+        if key not in self._places:
+            self._places[key] = len(self.products)
+            self.products.append(own)
+        return self._places[key]
+
+    def flow(self, of_mode: Mapping[str, Product]) -> dict[str, int]:
+        """Places of the products of a step by `FLOWS`."""
+        return {name: self.place(of_mode[name]) for name in FLOWS}
+
+
+def flat_flows(flows: Sequence[Mapping[str, int] | None]) -> list[list[int]]:
+    """Places of tables by length and by `FLOWS`; -1 where nothing changes."""
+    return [[-1 if each is None else each[name] for name in FLOWS] for each in flows]

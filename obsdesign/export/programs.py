@@ -1,0 +1,51 @@
+"""Which designs can be exported, and the program of each kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from obsdesign.document import Design
+from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.errors import InputError
+from obsdesign.export.interval import interval_program
+from obsdesign.export.luenberger import luenberger_program
+from obsdesign.export.precision import PRECISIONS
+from obsdesign.export.program import Program
+
+_PROGRAMS = {"interval": interval_program, "luenberger": luenberger_program}
+_GAINS: dict[str, type[PlantGains]] = {"interval": IntervalGains, "luenberger": LuenbergerGains}
+# entries of gains that the code has no operations for
+_BLOCKS = {
+    "modes": "a plant with modes", "sensors": "a plant with several clocks or in discrete time",
+    "dt": "a plant in discrete time",
+}  # fmt: skip
+
+
+def program_of(design: Design, precision: str, lengths: Sequence[float]) -> Program:
+    """The program of a design for a precision. lengths: of its steps, none: the period.
+
+    InputError for a design that cannot be exported, with the reason.
+    """
+    _refuse(design)
+    return _PROGRAMS[design.kind](design.gains, PRECISIONS[precision], lengths)
+
+
+def typed_gains(design: Design) -> PlantGains:
+    """The gains of a design that can be exported."""
+    _refuse(design)
+    return _GAINS[design.kind].from_document(design.gains)
+
+
+def _refuse(design: Design) -> None:
+    if design.kind not in _PROGRAMS:
+        raise InputError(
+            f"a design of kind {design.kind!r} cannot be exported to C yet; "
+            f"{' and '.join(map(repr, _PROGRAMS))} can. Run it with obsdesign.runtime."
+        )
+    for entry, what in _BLOCKS.items():
+        if entry in design.gains:
+            raise InputError(
+                f"{what} cannot be exported to C yet. Run the design with obsdesign.runtime."
+            )

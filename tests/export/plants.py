@@ -1,0 +1,54 @@
+"""Designs that are exported in tests: one of each way a step can be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from obsdesign.document import Design
+from tests.systems.designs import designed
+
+INF = float("inf")
+ROTATION = {"A": [[-0.5, 1.0], [-1.0, -0.5]], "B": [[0.0], [1.0]]}
+BOX = {"disturbance": {"lower": [-0.1, -0.1], "upper": [0.1, 0.2]}}
+JUMP = {"G": [[0.9, 0.1], [0.0, 0.8]], "E": [[1.0], [0.0]], "dwell_time": [0.3, INF]}
+OUTPUT = {"C": [[1.0, 0.0]], "noise_bound": [[-0.02, 0.04]]}
+PERIODIC = {"measured": "periodic", "period": 0.1}
+
+
+def problem(kind: str, output: dict[str, Any], jump: dict[str, Any] | None, **gains: Any) -> Any:
+    """A problem in two states with inputs, named for the comments of C."""
+    body: dict[str, Any] = {
+        "name": "two rooms */ of a house", "flow": ROTATION | (BOX if kind == "interval" else {}),
+        "output": OUTPUT | output, "observer": {"kind": kind} | gains,
+        "names": {"states": ["position", "speed"], "units": {"position": "m"}, "time_unit": "s"},
+    }  # fmt: skip
+    return body | ({} if jump is None else {"jump": jump})
+
+
+def after(jump: dict[str, Any], when: str) -> dict[str, Any]:
+    """The output of measurements that a jump has after it, or not at all."""
+    return {"jump_measurement": when}
+
+
+PROBLEMS: dict[str, tuple[Any, tuple[float, ...]]] = {
+    "continuous": (problem("interval", {}, None), (0.05, 0.02)),
+    "jumps": (problem("interval", {}, JUMP), (0.05,)),
+    "jumps_after": (problem("interval", {"jump_measurement": "after"}, JUMP), (0.05,)),
+    "jumps_unseen": (problem("interval", {"jump_measurement": "none"}, JUMP), (0.05,)),
+    "periodic": (problem("interval", PERIODIC, None), ()),
+    "periodic_jumps": (problem("interval", PERIODIC, JUMP), ()),
+    "periodic_after": (problem("interval", PERIODIC | {"jump_measurement": "after"}, JUMP), ()),
+    "periodic_unseen": (problem("interval", PERIODIC | {"jump_measurement": "none"}, JUMP), ()),
+    "point": (problem("luenberger", {}, JUMP | {"dwell_time": [0.3, 2.0]}), (0.05, 0.02)),
+    "point_smooth": (problem("luenberger", {}, None), (0.05,)),
+    "point_after": (problem("luenberger", {"jump_measurement": "after"}, JUMP), (0.05,)),
+    "point_jitter": (
+        problem("luenberger", {}, JUMP | {"dwell_time": [0.3, 2.0], "dwell_jitter": 0.1}), (0.05,)
+    ),
+}  # fmt: skip
+
+
+def design_named(name: str) -> tuple[Design, tuple[float, ...]]:
+    """The design of a problem, and the steps that it is exported for."""
+    body, steps = PROBLEMS[name]
+    return designed(body, allow_undecided=True), steps
