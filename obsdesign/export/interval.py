@@ -112,4 +112,4 @@ def _initial(model: Model, sizes: Sizes) -> Product | None:
     into = Rows(X, size(inverse), np.zeros(n))
     ends = np.vstack([into.lower(), into.lower(-1.0)])
     nothing = np.zeros((2 * sizes.p + 1, ends.shape[1]))
-    return Product(np.vstack([nothing, ends]), 2 * sizes.p)
+    return Product(np.vstack([nothing, ends, ends]), 2 * sizes.p, inner=1)

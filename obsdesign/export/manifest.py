@@ -12,7 +12,7 @@ from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.export.execution import width_cost
 from obsdesign.export.precision import PRECISIONS, gamma
-from obsdesign.export.program import FLOWS, Program
+from obsdesign.export.program import FLOWS, Product, Program
 from obsdesign.export.programs import program_of
 from obsdesign.export.record import Record
 from obsdesign.export.source import Export
@@ -50,8 +50,8 @@ def manifest_of(export: Export, record: Record, options: Options, design: Design
         "format": FORMAT, "version": VERSION, "obsdesign": __version__, "design": export.digest,
         "kind": program.kind, "precision": target.name, "prefix": export.prefix,
         "steps": list(timing.lengths), "tick": str(timing.tick),
-        "tables": len(program.products), "numbers": _numbers(program),
-        "products_of_a_row": terms, "multiplications_of_a_step": _multiplications(program),
+        "products": len(program.products), "products_of_a_row": terms,
+        "multiplications_of_a_step": _multiplications(program),
         "unit_roundoff": target.unit, "rounding_of_a_step": _rounding(terms, target.unit),
         "smallest_margin": margin, "width_cost": cost,
         "rows_of_self_test": len(record.rows),
@@ -76,14 +76,19 @@ def options_of(manifest: Value, design: Design) -> Options:
     return Options(precision, tuple(float(each) for each in steps), prefix)
 
 
-def _numbers(program: Program) -> int:
-    return sum(product.rows.size for product in program.products)
-
-
 def _multiplications(program: Program) -> int:
-    """Of the largest table of a step: every number of it is used once."""
-    places = [flow[name] for flow in program.flows if flow is not None for name in FLOWS]
-    return max(program.products[place].rows.size for place in places)
+    """Of the longest step without a jump, unless its bounds cross."""
+    places = {flow[name] for flow in program.flows if flow is not None for name in FLOWS}
+    return program.width * max(
+        _rows(program.products[place], program.sizes.ends) for place in places
+    )
+
+
+def _rows(product: Product, ends: int) -> int:
+    if not product.rooms:
+        return len(product.rows)
+    _, *lists = product.candidates(ends)
+    return product.rooms + 1 + sum(len(each) for of_ends in lists for each in of_ends)
 
 
 def _rounding(terms: int, unit: float) -> float:

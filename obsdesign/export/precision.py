@@ -24,6 +24,8 @@ from lmi.arithmetic.enclosure import UNIT, raised
 
 # products of a row besides those with an entry of its own that is not zero
 _MARGIN_TERMS = 2
+# how far above the smallest normal number the smallest margins are
+_ABOVE_UNDERFLOW = 2.0**40
 
 
 @dataclass(frozen=True)
@@ -53,9 +55,13 @@ class Precision:
         return np.where(np.abs(near) < self.tiny, 0.0, near)
 
     def above(self, values: Matrix) -> Matrix:
-        """Numbers of the target that are not below `values` >= 0, none of them subnormal."""
+        """Numbers of the target that are not below `values` >= 0, zero or far above underflow.
+
+        Products with them would be subnormal, which takes many processors a hundred times as long.
+        """
+        least = _ABOVE_UNDERFLOW * self.tiny
         with np.errstate(over="ignore"):
-            near = np.asarray(np.maximum(values, np.where(values > 0, self.tiny, 0.0)), self.dtype)
+            near = np.asarray(np.maximum(values, np.where(values > 0, least, 0.0)), self.dtype)
             upper = np.nextafter(near, self.dtype(np.inf))
         return np.where(near.astype(np.float64) < values, upper, near).astype(np.float64)
 

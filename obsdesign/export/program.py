@@ -68,6 +68,22 @@ class Product:
         total = target.above(weights * (1.0 + target.unit))
         return np.vstack([upper, total, lower])
 
+    def candidates(self, ends: int) -> tuple[list[int], list[list[int]], list[list[int]]]:
+        """Rows without cuts, and of each end the distinct candidates of x and of z."""
+        first = self.rooms + 1
+        whole = self.whole if self.inner else self.whole[:1]
+        blocks = range(self.outer + self.inner)
+        of_x, of_z = (
+            [self._distinct([first + k * ends + i for k in each]) for i in range(ends)]
+            for each in (blocks[: self.outer], blocks[self.outer :])
+        )
+        plain = [first + k * ends + i for k in whole for i in range(ends)]
+        return plain, of_x, of_z if self.inner else []
+
+    def _distinct(self, places: list[int]) -> list[int]:
+        texts = [self.rows[place].tobytes() for place in places]
+        return [place for k, place in enumerate(places) if texts[k] not in texts[:k]]
+
     def margin(self, target: Precision) -> float:
         """How many times each row covers the rounding of its products, at least."""
         upper, lower = self.rows[: self.rooms], self.rows[self.rooms + 1 :]

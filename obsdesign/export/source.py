@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import jinja2
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.errors import InputError
 from obsdesign.export.program import Product, Program, flat_flows
 from obsdesign.version import __version__
@@ -71,10 +71,9 @@ def _context(export: Export) -> NewEntries:
         "has_jumps": has_jumps, "when": rules.when, "corrects": rules.corrects,
         "is_periodic": rules.is_periodic, "jump_words": _JUMP_WORDS[rules.when],
         "still": program.still, "initial": program.initial,
-        "tables": [_table(export, each) for each in program.products],
         "flows": flat_flows(program.flows), "jumps": program.jumps,
         "input_bounds": _input_bounds(export),
-    } | _names(export) | _timing(export, has_jumps)  # fmt: skip
+    } | _tables(export) | _names(export) | _timing(export, has_jumps)  # fmt: skip
 
 
 def _timing(export: Export, has_jumps: bool) -> NewEntries:
@@ -112,14 +111,36 @@ def _tolerance(length: float, unit: float) -> float:
     return float(2.0 * unit * 2.0 ** np.floor(np.log2(length)))
 
 
-def _table(export: Export, product: Product) -> NewEntries:
-    lines = [
-        "    " + ", ".join(literals(export, row.astype(np.float64).tolist()))
-        for row in product.rows
+def _tables(export: Export) -> NewEntries:
+    """Rows, each once, and products as their places."""
+    program = export.program
+    pool: dict[bytes, int] = {}
+    texts: list[str] = []
+
+    def place(row: Matrix) -> int:
+        key = (row + 0.0).tobytes()  # a zero has one sign
+        if key not in pool:
+            pool[key] = len(texts)
+            texts.append(", ".join(literals(export, row.tolist())))
+        return pool[key]
+
+    products = [
+        ", ".join(map(str, _product_words(product, [place(row) for row in product.rows], program)))
+        for product in program.products
     ]
-    numbers = (product.outer, product.inner, *product.whole)
-    layout = "".join(f", {number}u" for number in numbers) if export.program.has_bounds else ""
-    return {"count": len(product.rows), "text": ",\n".join(lines), "layout": layout}
+    has_inner = any(product.inner for product in program.products)
+    return {"pool": texts, "products": products, "has_inner": has_inner}
+
+
+def _product_words(product: Product, places: list[int], program: Program) -> list[int]:
+    """What `products` of the source holds for a product: places of rows and counts."""
+    if not program.has_bounds:
+        return places
+    whole, *lists = product.candidates(program.sizes.ends)
+    words = [*places[: product.rooms + 1], *(places[k] for k in whole)]
+    for candidates in (each for of_ends in lists for each in of_ends):
+        words += [len(candidates), *(places[k] for k in candidates)]
+    return words
 
 
 def _input_bounds(export: Export) -> list[tuple[str, list[str]]]:

@@ -57,7 +57,7 @@ def test_verify_takes_the_folder(folder: Path) -> None:
         ("obs.c", "0x1.e7078cp-1f", "0x1.d7078cp-1f", "refuted"),
         ("obs.c", "total += row[i] * v[i];", "total -= row[i] * v[i];", "refuted"),
         ("obs.h", "OBS_DWELL_TIME = 2,", "OBS_DWELL_TIME = 3,", "refuted"),
-        ("manifest.json", '"tables": 6', '"tables": 7', "refuted"),
+        ("manifest.json", '"products": 6', '"products": 7', "refuted"),
         ("README.md", "lower <= x", "lower < x", "refuted"),
     ],
 )

@@ -38,7 +38,7 @@ def test_self_test_notices_another_table(name: str, tmp_path: Path) -> None:
     design, steps = design_named(name)
     write_code(design, tmp_path, Options("double", steps))
     source = tmp_path / "obs.c"
-    changed = re.sub(r"(?m)^    (-?)0x1", r"    \g<1>0x3", source.read_text())
+    changed = re.sub(r"(?m)^    \{ (-?)0x1", r"    { \g<1>0x3", source.read_text())
     assert changed != source.read_text()
     source.write_text(changed)
     done = subprocess.run([compiled(tmp_path, "gcc", "-std=c99", "-O1")], capture_output=True)
