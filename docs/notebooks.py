@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import nbformat
 from nbformat import v4
@@ -18,6 +18,7 @@ from nbformat import v4
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
 
 TUTORIALS = Path(__file__).parent / "tutorials"
 # a block of code: its language, its file, its text
@@ -56,6 +57,14 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         name = f"tutorials/{page.stem}.ipynb"
         files.append(File.generated(config, name, content=notebook(page.read_text("utf-8"))))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """A tutorial of the site links its notebook."""
+    own = Path(page.file.src_uri)
+    if own.parent.name != TUTORIALS.name:
+        return markdown
+    return f"{markdown}\n\n[This page as a notebook]({own.stem}.ipynb)\n"
 
 
 def main(folder: str) -> None:
