@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries
@@ -12,7 +10,7 @@ from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.errors import InputError
 from obsdesign.export.precision import Precision
 from obsdesign.export.program import Product, Program, Rules, Sizes, Tables
-from obsdesign.export.timing import listed_lengths, timing_of
+from obsdesign.export.timing import Steps, timing_of
 from obsdesign.runtime.clocks.time_stamps import length_error
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.kernel_rows import Rows
@@ -26,8 +24,8 @@ _PERIODIC = {"none": "none", "start": "none", "end": "sampled", "both": "sampled
 _STILL = {"none": "none", "start": "none", "end": "end", "both": "end"}
 
 
-def interval_program(entries: Entries, target: Precision, lengths: Sequence[float]) -> Program:
-    """The program of a design's gains; lengths: of its steps, none: the period.
+def interval_program(entries: Entries, target: Precision, steps: Steps) -> Program:
+    """The program of a design's gains.
 
     InputError for a plant with parameters, whose radii are not products alone.
     """
@@ -38,7 +36,6 @@ def interval_program(entries: Entries, target: Precision, lengths: Sequence[floa
             "does not have. Export the design of its nominal plant, with wider disturbances."
         )
     period = gains.period
-    listed = listed_lengths(lengths or ([] if period is None else [period]))
     kernels = StepKernels(gains)
     n, names = gains.n, _CONTINUOUS if period is None else _PERIODIC
     columns = gains.columns
@@ -51,8 +48,8 @@ def interval_program(entries: Entries, target: Precision, lengths: Sequence[floa
     still = kernels.still
     first = _STILL if period is None else _PERIODIC
     flows = [tables.flow({mode: product(still[name], sizes.m) for mode, name in first.items()})]
-    for length in listed:
-        of_step = kernels.built(*_enclosed(length, target))
+    for length in steps.listed(period):
+        of_step = kernels.built(*_enclosed(length, target, steps.error))
         flows.append(
             tables.flow({mode: product(of_step[name], sizes.m) for mode, name in names.items()})
         )
@@ -69,7 +66,7 @@ def interval_program(entries: Entries, target: Precision, lengths: Sequence[floa
     initial = _initial(kernels.model, sizes)
     place = None if initial is None else tables.place(initial)
     timing = timing_of(
-        listed, gains.dwell_range, gains.dwell_jitter, period=period, limit=gains.step_limit
+        steps, gains.dwell_range, gains.dwell_jitter, period=period, limit=gains.step_limit
     )
     rules = Rules(
         gains.jump_measurement, bool(np.any(gains.L)), period is not None,
@@ -81,11 +78,11 @@ def interval_program(entries: Entries, target: Precision, lengths: Sequence[floa
     )  # fmt: skip
 
 
-def _enclosed(length: float, target: Precision) -> tuple[float, float]:
+def _enclosed(length: float, target: Precision, relative: float) -> tuple[float, float]:
     """The length that steps share at run time, and its error; with the target's own rounding."""
     shared, half = shared_length(length, length)
     error = half + length_error(shared, length)
-    return shared, max(error, 4.0 * target.unit * length)
+    return shared, max(error, (relative * (1.0 + target.unit) + 4.0 * target.unit) * length)
 
 
 def _product(kernel: Kernel, sizes: Sizes, inputs: int) -> Product:

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.export.precision import Precision
 from obsdesign.export.program import Product, Program, Rules, Sizes, Tables
-from obsdesign.export.timing import listed_lengths, timing_of
+from obsdesign.export.timing import Steps, timing_of
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 
 
-def luenberger_program(entries: Entries, target: Precision, lengths: Sequence[float]) -> Program:
-    """The program of a design's gains; lengths: of its steps."""
+def luenberger_program(entries: Entries, target: Precision, steps: Steps) -> Program:
+    """The program of a design's gains."""
     gains = LuenbergerGains.from_document(entries)
     observer = LuenbergerObserver(gains)
-    listed, columns = listed_lengths(lengths), gains.columns
+    columns = gains.columns
     sizes = Sizes(gains.n, gains.p, int(columns["u"]), int(columns["w"]), gains.n)
     tables = Tables(target)
-    flows = [None, *(tables.flow(_flows(observer, h, sizes)) for h in listed)]
-    timing = timing_of(listed, gains.dwell_range, gains.dwell_jitter, borders=gains.dwell_borders)
+    flows = [None, *(tables.flow(_flows(observer, h, sizes)) for h in steps.listed())]
+    timing = timing_of(steps, gains.dwell_range, gains.dwell_jitter, borders=gains.dwell_borders)
     jumps: list[tuple[int, int]] = []
     if gains.G is not None:
         plain = tables.place(Product(_jump(gains, None, sizes)))

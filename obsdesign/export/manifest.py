@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from obsdesign.export.program import FLOWS, Product, Program
 from obsdesign.export.programs import program_of
 from obsdesign.export.record import Record
 from obsdesign.export.source import Export
+from obsdesign.export.timing import Steps
 from obsdesign.version import __version__
 
 FORMAT, VERSION = "obsdesign/code", 1
@@ -23,10 +24,10 @@ FORMAT, VERSION = "obsdesign/code", 1
 
 @dataclass(frozen=True)
 class Options:
-    """What an export may choose. steps: lengths, none: the period; prefix: of the names in C."""
+    """What an export may choose. prefix: of the names in C."""
 
     precision: str = "double"
-    steps: tuple[float, ...] = ()
+    steps: Steps = field(default_factory=Steps)
     prefix: str = "obs"
 
     def program(self, design: Design) -> Program:
@@ -49,7 +50,7 @@ def manifest_of(export: Export, record: Record, options: Options, design: Design
     return {
         "format": FORMAT, "version": VERSION, "obsdesign": __version__, "design": export.digest,
         "kind": program.kind, "precision": target.name, "prefix": export.prefix,
-        "steps": list(timing.lengths), "tick": str(timing.tick),
+        "steps": list(timing.lengths), "step_error": timing.error, "tick": str(timing.tick),
         "products": len(program.products), "products_of_a_row": terms,
         "multiplications_of_a_step": _multiplications(program),
         "unit_roundoff": target.unit, "rounding_of_a_step": _rounding(terms, target.unit),
@@ -66,14 +67,17 @@ def options_of(manifest: Value, design: Design) -> Options:
         raise InputError(f"version must be {VERSION}; got {manifest.get('version')!r}.")
     if manifest.get("design") != design.digest:
         raise InputError("the digest of the design is another one than that of design.json.")
-    precision, prefix, steps = (manifest.get(key) for key in ("precision", "prefix", "steps"))
+    keys = ("precision", "prefix", "steps", "step_error")
+    precision, prefix, steps, error = (manifest.get(key) for key in keys)
     if precision not in PRECISIONS:
         raise InputError(f"precision must be one of {', '.join(PRECISIONS)}; got {precision!r}.")
     if not isinstance(prefix, str):
         raise InputError(f"prefix must be a text; got {prefix!r}.")
     if not isinstance(steps, list) or not all(type(each) in (int, float) for each in steps):
         raise InputError(f"steps must be a list of numbers; got {steps!r}.")
-    return Options(precision, tuple(float(each) for each in steps), prefix)
+    if not isinstance(error, int | float):
+        raise InputError(f"step_error must be a number; got {error!r}.")
+    return Options(precision, Steps(tuple(float(each) for each in steps), float(error)), prefix)
 
 
 def _multiplications(program: Program) -> int:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from obsdesign.document import Design
 from obsdesign.equations.gains import PlantGains
 from obsdesign.equations.interval.gains import IntervalGains
@@ -13,6 +11,7 @@ from obsdesign.export.interval import interval_program
 from obsdesign.export.luenberger import luenberger_program
 from obsdesign.export.precision import PRECISIONS
 from obsdesign.export.program import Program
+from obsdesign.export.timing import Steps
 
 _PROGRAMS = {"interval": interval_program, "luenberger": luenberger_program}
 _GAINS: dict[str, type[PlantGains]] = {"interval": IntervalGains, "luenberger": LuenbergerGains}
@@ -23,13 +22,13 @@ _BLOCKS = {
 }  # fmt: skip
 
 
-def program_of(design: Design, precision: str, lengths: Sequence[float]) -> Program:
-    """The program of a design for a precision. lengths: of its steps, none: the period.
+def program_of(design: Design, precision: str, steps: Steps) -> Program:
+    """The program of a design for a precision.
 
     InputError for a design that cannot be exported, with the reason.
     """
     _refuse(design)
-    return _PROGRAMS[design.kind](design.gains, PRECISIONS[precision], lengths)
+    return _PROGRAMS[design.kind](design.gains, PRECISIONS[precision], steps)
 
 
 def typed_gains(design: Design) -> PlantGains:

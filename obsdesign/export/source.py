@@ -83,15 +83,15 @@ def _timing(export: Export, has_jumps: bool) -> NewEntries:
     counts_jumps = has_jumps and (has_guard or bool(timing.borders) or rules.is_periodic)
     unit = program.target.unit
     within = [each for each in timing.ticks if timing.limit is None or each <= timing.limit]
+    off = [_tolerance(length, unit, timing.error) for length in timing.lengths]
     due = "!jump" if rules.when == "none" else "true"
     if not program.has_bounds:
         due = f"jump ? {_word(rules.when != 'none')} : {_word(rules.corrects)}"
     return {
+        "step_error": f"{timing.error:.3g}" if timing.error else "",
         "lengths": ", ".join(f"{length:.9g}" for length in timing.lengths),
         "lengths_text": ", ".join(literals(export, [0.0, *timing.lengths])),
-        "tolerances_text": ", ".join(
-            literals(export, [0.0, *(_tolerance(length, unit) for length in timing.lengths)])
-        ),
+        "tolerances_text": ", ".join(literals(export, [0.0, *off])),
         "ticks": [0, *timing.ticks], "tick": f"{float(timing.tick):.9g}",
         "counts_time": counts_jumps or rules.is_periodic, "counts_jumps": counts_jumps,
         "has_guard": has_guard, "has_jitter": has_guard and timing.jitter is not None,
@@ -106,9 +106,9 @@ def _word(value: bool) -> str:
     return "true" if value else "false"
 
 
-def _tolerance(length: float, unit: float) -> float:
-    """How far a sample's h may be from a length: a power of two of two ulps."""
-    return float(2.0 * unit * 2.0 ** np.floor(np.log2(length)))
+def _tolerance(length: float, unit: float, error: float) -> float:
+    """How far a sample's h may be from a length: its error, and an ulp of the target."""
+    return float(2.0 * unit * 2.0 ** np.floor(np.log2(length)) + error * length)
 
 
 def _tables(export: Export) -> NewEntries:

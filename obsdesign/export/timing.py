@@ -21,6 +21,25 @@ from obsdesign.runtime.clocks.time_stamps import RELATIVE_TIME_TOLERANCE
 MOST_TICKS = 2**31
 # lengths that one source file may list
 MOST_STEPS = 64
+# parts of a length that it may be off
+MOST_ERROR = 0.1
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Lengths of steps as an export lists them, none: the period; error: how far off, relative."""
+
+    lengths: tuple[float, ...] = ()
+    error: float = 0.0
+
+    def listed(self, period: float | None = None) -> tuple[float, ...]:
+        """The lengths, ascending; InputError where they are none."""
+        if not 0.0 <= self.error <= MOST_ERROR:
+            raise InputError(
+                f"--step-error must be from 0 to {MOST_ERROR:g}, in parts of the length; "
+                f"got {self.error!r}."
+            )
+        return _listed(self.lengths or (() if period is None else (period,)))
 
 
 @dataclass(frozen=True)
@@ -30,8 +49,8 @@ class Timing:
     lengths: those that are listed, above zero and ascending; tick: their largest common unit;
     shortest, longest, jitter: of dwell times, longest and jitter None where there is no limit;
     period: of samples, None where they are no events; limit: ticks of the longest step for which a
-    width is guaranteed, None without; borders: of dwell times in ticks, from which on the next
-    jump gain of a schedule counts.
+    width is guaranteed, None without; borders: of dwell times in ticks, from which on the next jump
+    gain of a schedule counts; error: of lengths, relative.
     """
 
     lengths: tuple[float, ...]
@@ -42,6 +61,7 @@ class Timing:
     period: int | None = None
     limit: int | None = None
     borders: tuple[int, ...] = ()
+    error: float = 0.0
 
     @property
     def ticks(self) -> list[int]:
@@ -54,8 +74,7 @@ class Timing:
         return self.shortest > 0 or self.longest is not None or self.jitter is not None
 
 
-def listed_lengths(lengths: Sequence[float]) -> tuple[float, ...]:
-    """Lengths of steps as they are listed, ascending; InputError where they are none."""
+def _listed(lengths: Sequence[float]) -> tuple[float, ...]:
     if not lengths:
         raise InputError(
             "--steps is missing: the lengths of the steps that the code is for, "
@@ -70,7 +89,7 @@ def listed_lengths(lengths: Sequence[float]) -> tuple[float, ...]:
 
 
 def timing_of(
-    lengths: Sequence[float],
+    steps: Steps,
     dwell_range: tuple[float, float],
     jitter: float | None,
     *,
@@ -79,6 +98,7 @@ def timing_of(
     borders: Matrix | None = None,
 ) -> Timing:
     """The timing of a design; InputError where lengths have no common unit that is long enough."""
+    lengths = steps.listed(period)
     every = [*lengths, *([] if period is None else [period])]
     tick = _common_unit(every)
     largest = max(_exactly(length) for length in every) / tick
@@ -89,11 +109,12 @@ def timing_of(
         )
     shortest, longest = dwell_range
     return Timing(
-        tuple(lengths), tick, _from(shortest, tick), _up_to(longest, tick),
+        lengths, tick, _from(shortest, tick), _up_to(longest, tick),
         None if jitter is None else _up_to(jitter, tick),
         None if period is None else int(_exactly(period) / tick),
         None if limit is None else _up_to(limit, tick),
         tuple(_from(border, tick) for border in ([] if borders is None else borders.tolist())),
+        steps.error,
     )  # fmt: skip
 
 

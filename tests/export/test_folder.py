@@ -14,7 +14,7 @@ from obsdesign import InputError
 from obsdesign.cli.commands import cli
 from obsdesign.export.folder import code_claim, write_code
 from obsdesign.export.manifest import Options
-from obsdesign.export.timing import timing_of
+from obsdesign.export.timing import Steps, timing_of
 from tests.export.plants import design_named
 from tests.systems.compiled import STRICT, compiled
 from tests.systems.designs import designed
@@ -83,7 +83,7 @@ def test_a_missing_file_and_another_design(folder: Path, tmp_path: Path) -> None
     assert code_claim(folder)[1].verdict == "refuted"
     (folder / "obs.c").write_text(text)
     design, steps = design_named("jumps")
-    write_code(design, tmp_path, Options("double", steps))
+    write_code(design, tmp_path, Options("double", Steps(steps)))
     manifest = (tmp_path / "manifest.json").read_text()
     (tmp_path / "manifest.json").write_text(manifest.replace(design.digest, "sha256:0"))
     with pytest.raises(InputError, match="digest"):
@@ -102,7 +102,9 @@ def test_a_missing_file_and_another_design(folder: Path, tmp_path: Path) -> None
         (["--to", "c", "--steps", "0.1", "--precision", "half"], "double or float"),
         (["--to", "c", "--steps", "0.1", "--prefix", "9"], "--prefix"),
         (["--to", "c", "--steps", "1,1e-11"], "largest common unit"),
+        (["--to", "c", "--steps", "0.1", "--step-error", "0.2"], "--step-error must be"),
         (["--steps", "0.1"], "belongs to --to c"),
+        (["--step-error", "0.1"], "belongs to --to c"),
     ],
 )
 def test_refusals(academic_design: Path, words: list[str], part: str, tmp_path: Path) -> None:
@@ -118,7 +120,7 @@ def test_designs_without_code(name: str) -> None:
     outcome = obsdesign.investigate(obsdesign.load_problem(ROOT / "examples" / f"{name}.toml"))
     assert outcome.design is not None
     with pytest.raises(InputError, match="cannot be exported"):
-        Options("double", (0.05,)).program(outcome.design)
+        Options("double", Steps((0.05,))).program(outcome.design)
 
 
 def test_numbers_beyond_a_float_are_refused() -> None:
@@ -127,14 +129,14 @@ def test_numbers_beyond_a_float_are_refused() -> None:
             "observer": {"kind": "luenberger"}}  # fmt: skip
     design = designed(body, allow_undecided=True)
     with pytest.raises(InputError, match="use double"):
-        Options("float", (0.1,)).program(design)
-    assert Options("double", (0.1,)).program(design).products
+        Options("float", Steps((0.1,))).program(design)
+    assert Options("double", Steps((0.1,))).program(design).products
 
 
 def test_times_are_whole_ticks() -> None:
-    timing = timing_of((0.05, 0.125), (0.3, 0.31), 0.024, period=0.1)
+    timing = timing_of(Steps((0.05, 0.125)), (0.3, 0.31), 0.024, period=0.1)
     assert [timing.ticks, timing.period, timing.shortest] == [[2, 5], 4, 12]
     assert (timing.longest, timing.jitter) == (12, 0)
     assert float(timing.tick) == 0.025
-    assert timing_of((0.1,), (0.3, float("inf")), None).longest is None
-    assert timing_of((0.1,), (0.3, 0.3), 0.3).jitter == 3
+    assert timing_of(Steps((0.1,)), (0.3, float("inf")), None).longest is None
+    assert timing_of(Steps((0.1,)), (0.3, 0.3), 0.3).jitter == 3

@@ -14,6 +14,7 @@ from obsdesign.export.folder import write_code
 from obsdesign.export.manifest import Options
 from obsdesign.export.programs import typed_gains
 from obsdesign.export.record import record_of, rows_of
+from obsdesign.export.timing import Steps
 from tests.export.plants import PROBLEMS, design_named
 from tests.systems.compiled import SANITIZED, STRICT, Library, compiled, require
 
@@ -25,7 +26,7 @@ ARM = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_self_test_agrees(name: str, precision: str, tmp_path: Path) -> None:
     design, steps = design_named(name)
-    write_code(design, tmp_path, Options(precision, steps))
+    write_code(design, tmp_path, Options(precision, Steps(steps)))
     program = compiled(tmp_path, "gcc", *STRICT, "-O1", *SANITIZED)
     done = subprocess.run([program], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -36,7 +37,7 @@ def test_self_test_agrees(name: str, precision: str, tmp_path: Path) -> None:
 def test_self_test_notices_another_table(name: str, tmp_path: Path) -> None:
     """The twin: the first number of every row is another one."""
     design, steps = design_named(name)
-    write_code(design, tmp_path, Options("double", steps))
+    write_code(design, tmp_path, Options("double", Steps(steps)))
     source = tmp_path / "obs.c"
     changed = re.sub(r"(?m)^    \{ (-?)0x1", r"    { \g<1>0x3", source.read_text())
     assert changed != source.read_text()
@@ -49,7 +50,7 @@ def test_self_test_notices_another_table(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["jumps", "periodic_after", "point"])
 def test_c_is_the_program_bit_for_bit(name: str, precision: str, tmp_path: Path) -> None:
     design, steps = design_named(name)
-    library = Library(tmp_path, design, Options(precision, steps))
+    library = Library(tmp_path, design, Options(precision, Steps(steps)))
     assert library.digest == design.digest
     program = library.program
     execution = Execution(program)
@@ -69,7 +70,7 @@ def test_c_is_the_program_bit_for_bit(name: str, precision: str, tmp_path: Path)
 def test_float_encloses_double(name: str) -> None:
     design, steps = design_named(name)
     single, double = (
-        Options(precision, steps).program(design) for precision in ("float", "double")
+        Options(precision, Steps(steps)).program(design) for precision in ("float", "double")
     )
     rows = rows_of(single, typed_gains(design), np.random.default_rng(5), 300)
     narrow, wide = Execution(double), Execution(single)
@@ -85,7 +86,7 @@ def test_float_encloses_double(name: str) -> None:
 @pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only", "-Ofast"])
 def test_fast_math_does_not_compile(flag: str, tmp_path: Path) -> None:
     design, steps = design_named("jumps")
-    write_code(design, tmp_path, Options("double", steps))
+    write_code(design, tmp_path, Options("double", Steps(steps)))
     words = [require("gcc"), "-std=c99", flag, "-c", "obs.c", "-o", "o.o"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode != 0
@@ -97,7 +98,7 @@ def test_fast_math_does_not_compile(flag: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["jumps_after", "periodic_unseen", "point"])
 def test_other_compilers_and_checkers(name: str, precision: str, tmp_path: Path) -> None:
     design, steps = design_named(name)
-    write_code(design, tmp_path, Options(precision, steps))
+    write_code(design, tmp_path, Options(precision, Steps(steps)))
     done = subprocess.run([compiled(tmp_path, "clang", *STRICT, "-O2", "-ffp-contract=fast")])
     assert done.returncode == 0
 
@@ -105,7 +106,7 @@ def test_other_compilers_and_checkers(name: str, precision: str, tmp_path: Path)
 def test_cortex_m4(tmp_path: Path) -> None:
     compiler = require("arm-none-eabi-gcc")
     design, steps = design_named("periodic")
-    write_code(design, tmp_path, Options("float", steps))
+    write_code(design, tmp_path, Options("float", Steps(steps)))
     words = [compiler, *STRICT, *ARM, "-Os", "-c", "obs.c", "-o", "o.o"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -114,7 +115,7 @@ def test_cortex_m4(tmp_path: Path) -> None:
 def test_on_arm_in_an_emulator(tmp_path: Path) -> None:
     emulator = require("qemu-arm")
     design, steps = design_named("jumps")
-    write_code(design, tmp_path, Options("float", steps))
+    write_code(design, tmp_path, Options("float", Steps(steps)))
     program = compiled(
         tmp_path, "arm-linux-gnueabihf-gcc", *STRICT, "-O2", "-static", "-mfpu=neon-vfpv4"
     )
@@ -124,7 +125,7 @@ def test_on_arm_in_an_emulator(tmp_path: Path) -> None:
 def test_static_checker_has_no_objection(tmp_path: Path) -> None:
     checker = require("cppcheck")
     design, steps = design_named("periodic_unseen")
-    write_code(design, tmp_path, Options("double", steps))
+    write_code(design, tmp_path, Options("double", Steps(steps)))
     words = [checker, "--std=c99", "--enable=warning,performance,portability", "--error-exitcode=1",
              "-DFLT_RADIX=2", "-DDBL_MANT_DIG=53", "--quiet", "obs.c"]  # fmt: skip
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)

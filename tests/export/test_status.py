@@ -10,6 +10,7 @@ import pytest
 
 from obsdesign.export.execution import Row
 from obsdesign.export.manifest import Options
+from obsdesign.export.timing import Steps
 from obsdesign.runtime import Sample, from_design
 from tests.export.plants import PROBLEMS, design_named
 from tests.systems.compiled import Library
@@ -43,7 +44,10 @@ def random_rows(library: Library, count: int) -> list[Row]:
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_timing_is_judged_as_in_python(name: str, tmp_path: Path) -> None:
     design, steps = with_noise(name)
-    library, observer = Library(tmp_path, design, Options("double", steps)), from_design(design)
+    library, observer = (
+        Library(tmp_path, design, Options("double", Steps(steps))),
+        from_design(design),
+    )
     initial = [-np.ones(2), np.ones(2)] if library.program.has_bounds else [np.zeros(2)]
     library.start(*initial)
     state, ticks, reasons = observer.start(0.0, np.stack(initial, 1).reshape(-1).tolist()), 0, set()
@@ -66,7 +70,7 @@ def test_timing_is_judged_as_in_python(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["jumps", "periodic", "point"])
 def test_another_length_makes_everything_void(name: str, tmp_path: Path) -> None:
     design, steps = design_named(name)
-    library = Library(tmp_path, design, Options("double", steps))
+    library = Library(tmp_path, design, Options("double", Steps(steps)))
     initial = [-np.ones(2), np.ones(2)] if library.program.has_bounds else [np.zeros(2)]
     y, u = np.zeros(1), np.zeros(1)
     library.start(*initial)
@@ -87,7 +91,7 @@ def test_another_length_makes_everything_void(name: str, tmp_path: Path) -> None
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_measurements_that_contradict_the_bounds(precision: str, tmp_path: Path) -> None:
     design, steps = design_named("jumps")
-    library = Library(tmp_path, design, Options(precision, steps))
+    library = Library(tmp_path, design, Options(precision, Steps(steps)))
     library.start(-np.ones(2), np.ones(2))
     u = np.zeros(1)
     assert library.step(Row(0, np.array([0.5]), u))[1] == 0
@@ -100,7 +104,7 @@ def test_measurements_that_contradict_the_bounds(precision: str, tmp_path: Path)
 @pytest.mark.parametrize("number", [np.nan, np.inf, 1e308])
 def test_numbers_that_are_not_finite(number: float, tmp_path: Path) -> None:
     design, steps = design_named("jumps")
-    library = Library(tmp_path, design, Options("double", steps))
+    library = Library(tmp_path, design, Options("double", Steps(steps)))
     library.start(-np.ones(2), np.ones(2))
     library.step(Row(0, np.zeros(1), np.array([number])))
     ends, status = library.step(Row(1, np.zeros(1), np.zeros(1)))

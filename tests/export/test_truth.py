@@ -14,6 +14,7 @@ from obsdesign.export.execution import Execution, Row
 from obsdesign.export.manifest import Options
 from obsdesign.export.precision import PRECISIONS
 from obsdesign.export.program import Program
+from obsdesign.export.timing import Steps
 from tests.systems.designs import designed
 
 H, NOISE = 0.125, 2.0**-21
@@ -29,12 +30,15 @@ def body(**output: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def exact_path(count: int, rng: np.random.Generator) -> Iterator[tuple[list[Fraction], Row]]:
-    """States and rows; y is C x as a float, nearer than the noise."""
+def exact_path(
+    count: int, rng: np.random.Generator, error: float
+) -> Iterator[tuple[list[Fraction], Row]]:
+    """States and rows; y is C x as a float, nearer than the noise; error: of the steps, relative."""
     x = [Fraction(float(np.float32(value))) for value in rng.uniform(-0.5, 0.5, 2)]
     yield x, Row(0, None)
     for k in range(1, count):
-        x = [x[0] + Fraction(H) * x[1], x[1]]
+        h = Fraction(H) * (1 + Fraction(error) * int(rng.choice([-1, 1])))
+        x = [x[0] + h * x[1], x[1]]
         y = np.array([float(np.float32(float(x[0])))])
         jump = k % 4 == 0
         if jump:
@@ -45,10 +49,10 @@ def exact_path(count: int, rng: np.random.Generator) -> Iterator[tuple[list[Frac
         yield x, Row(1, y if rng.random() < 0.3 else None, jump=jump)
 
 
-def violations(program: Program, count: int) -> int:
+def violations(program: Program, count: int, error: float = 0.0) -> int:
     """Bounds on the wrong side of the state, over a path that begins at a point."""
     execution, state, wrong = Execution(program), None, 0
-    for x, row in exact_path(count, np.random.default_rng(3)):
+    for x, row in exact_path(count, np.random.default_rng(3), error):
         if state is None:
             point = np.array([float(each) for each in x])
             state = execution.start(point, point)
@@ -61,7 +65,7 @@ def violations(program: Program, count: int) -> int:
 
 def program(precision: str, **output: Any) -> Program:
     design = designed(body(**output), allow_undecided=True)
-    return Options(precision, () if output else (H,)).program(design)
+    return Options(precision, Steps(() if output else (H,))).program(design)
 
 
 @pytest.mark.parametrize("output", [{}, {"measured": "periodic", "period": H}])
@@ -77,3 +81,12 @@ def test_tables_without_margins_lose_the_state() -> None:
         replace(each, rows=PRECISIONS["float"].nearest(each.rows)) for each in double.products
     ]
     assert violations(replace(outward, products=tuple(nearest)), 400) > 10
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_steps_off_their_length(precision: str) -> None:
+    """Lengths within the error that is stated; the twin states a tenth of it."""
+    design, error = designed(body(), allow_undecided=True), 2.0**-10
+    for stated, is_inside in ((error, True), (error / 10, False)):
+        each = Options(precision, Steps((H,), stated)).program(design)
+        assert (violations(each, 400, error) == 0) is is_inside
