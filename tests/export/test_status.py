@@ -16,10 +16,10 @@ from tests.export.plants import PROBLEMS, design_named
 from tests.systems.compiled import Library
 from tests.systems.designs import designed
 
-MISSING, DWELL, NO_WIDTH, OUTSIDE, CROSSED, OVERFLOW, STEP, VOID = (1 << k for k in range(8))
+MISSING, DWELL, UNCERTIFIED, OUTSIDE, CROSSED, OVERFLOW, STEP, VOID = (1 << k for k in range(8))
 # where each reason of the runtime stands in C
 WORDS = {"missing sample": MISSING, "dwell time": DWELL, "change": DWELL,
-         "no width": NO_WIDTH, "since the last sample": NO_WIDTH}  # fmt: skip
+         "no width": UNCERTIFIED, "since the last sample": UNCERTIFIED}  # fmt: skip
 
 
 def with_noise(name: str) -> tuple[Any, tuple[float, ...]]:
