@@ -28,13 +28,15 @@ class Row(NamedTuple):
 class Carried(NamedTuple):
     """What the next row needs of numbers: e, the measurement that it starts from, and u.
 
-    since_jump: ticks since the last jump, None before the first.
+    since_jump: ticks since the last jump, None before the first; history: number of the sequence of
+    the last spacings.
     """
 
     e: Matrix
     y: Matrix | None
     u: Matrix
     since_jump: int | None = None
+    history: int = 0
 
 
 class Execution:
@@ -50,7 +52,7 @@ class Execution:
         program, u = self.program, self._numbers(np.zeros(self.program.sizes.m))
         first = [self._numbers(each) for each in initial]
         if not program.has_bounds:
-            return Carried(first[0], None, u)
+            return Carried(first[0], None, u, history=len(program.jumps) - 1)
         e = np.concatenate([first[0], -first[1]])
         if program.initial is not None:
             _, e = self._applied(program.initial, e, None, None, u)
@@ -69,9 +71,11 @@ class Execution:
         elapsed = state.since_jump
         if elapsed is not None and row.step:
             elapsed += program.timing.ticks[row.step - 1]
+        cell = state.history
         if row.jump:
+            cell = self._cell(elapsed, state.history)
             corrected = y is not None and when != "none"
-            place = program.jumps[self._cell(elapsed)][corrected]
+            place = program.jumps[cell][corrected]
             w = self._numbers(np.zeros(program.sizes.l) if row.w is None else row.w)
             ends, e = self._applied(place, e, None, y if corrected else None, w)
             if corrected and program.still is not None:
@@ -79,10 +83,17 @@ class Execution:
             elapsed = 0
         kept = y if not row.jump or when == "after" else None
         u = state.u if row.u is None else self._numbers(row.u)
-        return Carried(e, kept, u, elapsed), ends
+        return Carried(e, kept, u, elapsed, cell), ends
 
-    def _cell(self, elapsed: int | None) -> int:
-        borders = self.program.timing.borders
+    def _cell(self, elapsed: int | None, history: int) -> int:
+        """Place of the gain of a jump, `elapsed` ticks after the last one."""
+        timing, count = self.program.timing, len(self.program.jumps)
+        if self.program.rules.window and timing.spacings is not None:
+            if elapsed is None:
+                return history
+            above, base = elapsed - timing.shortest, timing.spacings + 1
+            return (history * base + above) % count if 0 <= above < base - 1 else count - 1
+        borders = timing.borders
         if elapsed is None or not borders:
             return 0
         return 1 + sum(border <= elapsed for border in borders)

@@ -1,11 +1,12 @@
-"""Programs of point observers: the matrices of a step, of a jump and of its schedule."""
+"""Programs of kind `luenberger`: the matrices of a step, of a jump and of its schedule."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, Matrix
+from lmi.arithmetic.arrays import Entries
 from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.export.point_jump import jump_product, noise_centre
 from obsdesign.export.precision import Precision
 from obsdesign.export.program import Product, Program, Rules, Sizes, Tables
 from obsdesign.export.timing import Steps, timing_of
@@ -23,10 +24,10 @@ def luenberger_program(entries: Entries, target: Precision, steps: Steps) -> Pro
     timing = timing_of(steps, gains.dwell_range, gains.dwell_jitter, borders=gains.dwell_borders)
     jumps: list[tuple[int, int]] = []
     if gains.G is not None:
-        plain = tables.place(Product(_jump(gains, None, sizes)))
+        plain = tables.place(jump_product(gains, None, sizes))
         # the first jump gain is that of a jump without a dwell time before it
         of_cells = [gains.M, *([] if gains.M_cells is None else gains.M_cells)]
-        jumps = [(plain, tables.place(Product(_jump(gains, M, sizes)))) for M in of_cells]
+        jumps = [(plain, tables.place(jump_product(gains, M, sizes))) for M in of_cells]
     rules = Rules(
         gains.jump_measurement, bool(np.any(gains.L)),
         input_bound=gains.input_bound, jump_input_bound=gains.jump_input_bound,
@@ -37,14 +38,10 @@ def luenberger_program(entries: Entries, target: Precision, steps: Steps) -> Pro
     )  # fmt: skip
 
 
-def _centre(gains: LuenbergerGains) -> Matrix:
-    return np.zeros(gains.p) if gains.noise_centre is None else gains.noise_centre
-
-
 def _flows(observer: LuenbergerObserver, h: float, sizes: Sizes) -> dict[str, Product]:
     """Products of [x; y0; y1; u; 1] from the maps of [x; u; 1] and [x; y; u; 1; slope of y]."""
     gains = observer.gains
-    n, p, centre = sizes.n, sizes.p, _centre(gains)
+    n, p, centre = sizes.n, sizes.p, noise_centre(gains)
     free, measured = observer.free_cells.at(h), observer.measured_cells.at(h)
     kept, driven = measured[:, n : n + p], measured[:, n + p : -p]
     known = driven.copy()
@@ -60,21 +57,3 @@ def _flows(observer: LuenbergerObserver, h: float, sizes: Sizes) -> dict[str, Pr
         mode: Product(sizes.widened(np.hstack(blocks), sizes.m, has_magnitudes=False))
         for mode, blocks in columns.items()
     }
-
-
-def _jump(gains: LuenbergerGains, M: Matrix | None, sizes: Sizes) -> Matrix:
-    """Rows of a jump with the gain M, None without its measurement."""
-    n, p = sizes.n, sizes.p
-    E = np.zeros((n, 0)) if gains.E is None else gains.E
-    known = np.hstack([E, gains.jump_drift[:, None]])
-    x, y = gains.jump_matrix, np.zeros((n, p))
-    if M is not None and gains.jump_measurement != "none":
-        if gains.jump_measurement == "after":
-            left = np.eye(n) - M @ gains.C
-            x, known = left @ x, left @ known
-        else:
-            x = x - M @ gains.C
-        known[:, -1] -= M @ _centre(gains)
-        y = M
-    rows = np.hstack([x, np.zeros((n, p)), y, known])
-    return sizes.widened(rows, sizes.l, has_magnitudes=False)

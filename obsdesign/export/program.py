@@ -97,7 +97,7 @@ class Rules:
     when: before | after | none; corrects: does a measurement between jumps count? is_periodic: are
     samples events, a period apart? allows_no_second_jump: between two of them? input_bound,
     jump_input_bound: largest |u| and |w| that bounds of the error of a point estimate count on,
-    None without any.
+    None without any. window: spacings that the gain of a jump depends on, the last ones; 0 of none.
     """
 
     when: str
@@ -106,6 +106,7 @@ class Rules:
     allows_no_second_jump: bool = False
     input_bound: Matrix | None = None
     jump_input_bound: Matrix | None = None
+    window: int = 0
 
 
 @dataclass(frozen=True)
@@ -114,8 +115,9 @@ class Program:
 
     n, p, m, l: numbers of states, outputs and inputs of flow and jump; ends: of what the state
     carries; products: all tables, each once; flows: of each length by `FLOWS` the places of tables,
-    the first of length zero, None where nothing changes; jumps: of each dwell cell those without
-    and with a measurement; still, initial: places, None where there are none.
+    the first of length zero, None where nothing changes; jumps: of each dwell cell, or sequence of
+    spacings, those without and with a measurement; still, initial: places, None where there are
+    none.
     """
 
     kind: str

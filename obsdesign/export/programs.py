@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from obsdesign.document import Design
 from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
+from obsdesign.export.impulsive import impulsive_program
 from obsdesign.export.interval import interval_program
 from obsdesign.export.luenberger import luenberger_program
 from obsdesign.export.precision import PRECISIONS
 from obsdesign.export.program import Program
 from obsdesign.export.timing import Steps
 
-_PROGRAMS = {"interval": interval_program, "luenberger": luenberger_program}
-_GAINS: dict[str, type[PlantGains]] = {"interval": IntervalGains, "luenberger": LuenbergerGains}
+_PROGRAMS = {
+    "interval": interval_program, "luenberger": luenberger_program,
+    "impulsive": impulsive_program,
+}  # fmt: skip
+_GAINS: dict[str, type[PlantGains]] = {
+    "interval": IntervalGains, "luenberger": LuenbergerGains, "impulsive": ImpulsiveGains,
+}  # fmt: skip
 # entries of gains that the code has no operations for
 _BLOCKS = {
     "modes": "a plant with modes", "sensors": "a plant with several clocks or in discrete time",
@@ -41,7 +48,7 @@ def _refuse(design: Design) -> None:
     if design.kind not in _PROGRAMS:
         raise InputError(
             f"a design of kind {design.kind!r} cannot be exported to C yet; "
-            f"{' and '.join(map(repr, _PROGRAMS))} can. Run it with obsdesign.runtime."
+            f"{', '.join(map(repr, _PROGRAMS))} can. Run it with obsdesign.runtime."
         )
     for entry, what in _BLOCKS.items():
         if entry in design.gains:

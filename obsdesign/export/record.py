@@ -69,7 +69,7 @@ def rows_of(
         if step:
             x = flows.at(timing.lengths[step - 1]) @ np.concatenate([x, u, [1.0]])
             elapsed = None if elapsed is None else elapsed + timing.ticks[step - 1]
-        jump = bool(program.jumps) and step > 0 and _is_due(program, elapsed, step)
+        jump = bool(program.jumps) and step > 0 and _is_due(program, elapsed, step, random)
         before = x
         w = None
         if jump:
@@ -79,6 +79,8 @@ def rows_of(
         measured = before if program.rules.when == "before" else x
         y = _measurement(program, gains, measured, random)
         is_missing = random.random() < _MISSING or (jump and program.rules.when == "none")
+        if program.rules.window:  # what a missing sample leaves to later gains is not exported
+            is_missing = not jump
         u = target.nearest(random.uniform(-1.0, 1.0, sizes.m))
         rows.append(Row(step, None if is_missing else y, u, w, jump))
     return rows
@@ -94,11 +96,12 @@ def _measurement(
     return program.target.nearest(gains.C @ x + noise)
 
 
-def _is_due(program: Program, elapsed: int | None, step: int) -> bool:
+def _is_due(program: Program, elapsed: int | None, step: int, random: np.random.Generator) -> bool:
     """Does the plant jump at this row? As soon as it may, but not at every one."""
     timing = program.timing
     if elapsed is None:
         return True
-    return elapsed >= max(timing.shortest, 3 * timing.ticks[step - 1]) or (
+    waits = random.random() < 0.5 if program.rules.window else elapsed < 3 * timing.ticks[step - 1]
+    return (elapsed >= timing.shortest and not waits) or (
         timing.longest is not None and elapsed + max(timing.ticks) > timing.longest
     )

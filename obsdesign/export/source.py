@@ -80,7 +80,9 @@ def _timing(export: Export, has_jumps: bool) -> NewEntries:
     program = export.program
     timing, rules = program.timing, program.rules
     has_guard = has_jumps and timing.has_guard
-    counts_jumps = has_jumps and (has_guard or bool(timing.borders) or rules.is_periodic)
+    counts_jumps = has_jumps and (
+        has_guard or bool(timing.borders or rules.window) or rules.is_periodic
+    )
     unit = program.target.unit
     within = [each for each in timing.ticks if timing.limit is None or each <= timing.limit]
     off = [_tolerance(length, unit, timing.error) for length in timing.lengths]
@@ -98,6 +100,7 @@ def _timing(export: Export, has_jumps: bool) -> NewEntries:
         "shortest": timing.shortest, "longest": timing.longest, "jitter": timing.jitter,
         "period": timing.period, "borders": timing.borders, "due": due,
         "longest_place": None if timing.limit is None else len(within),
+        "window": rules.window, "base": (timing.spacings or 0) + 1, "sequences": len(program.jumps),
         "has_second_jump": has_jumps and rules.allows_no_second_jump,
     }  # fmt: skip
 

@@ -69,6 +69,11 @@ class Timing:
         return [int(_exactly(length) / self.tick) for length in self.lengths]
 
     @property
+    def spacings(self) -> int | None:
+        """How many dwell times there are in whole ticks; None without a longest one."""
+        return None if self.longest is None else self.longest - self.shortest + 1
+
+    @property
     def has_guard(self) -> bool:
         """Is there any limit of dwell times?"""
         return self.shortest > 0 or self.longest is not None or self.jitter is not None

@@ -25,9 +25,14 @@ def problem(kind: str, output: dict[str, Any], jump: dict[str, Any] | None, **ga
     return body | ({} if jump is None else {"jump": jump})
 
 
-def after(jump: dict[str, Any], when: str) -> dict[str, Any]:
-    """The output of measurements that a jump has after it, or not at all."""
-    return {"jump_measurement": when}
+def impulses(dwell: list[float], when: str, **options: Any) -> Any:
+    """A plant that is measured at its jumps."""
+    flow = {"A": [[-0.1, 1.0, 0.0], [0.0, -0.1, 1.0], [0.0, 0.0, -0.2]], "B": [[0], [0], [1]]}
+    return {
+        "flow": flow, "jump": {"G": [[1, 0, 0], [0, 0.9, 0], [0, 0, 1]], "dwell_time": dwell},
+        "output": {"C": [[1, 0, 0]], "measured": "at_jumps", "jump_measurement": when},
+        "observer": {"kind": "impulsive"} | options,
+    }  # fmt: skip
 
 
 PROBLEMS: dict[str, tuple[Any, tuple[float, ...]]] = {
@@ -45,6 +50,13 @@ PROBLEMS: dict[str, tuple[Any, tuple[float, ...]]] = {
     "point_jitter": (
         problem("luenberger", {}, JUMP | {"dwell_time": [0.3, 2.0], "dwell_jitter": 0.1}), (0.05,)
     ),
+} | {
+    name: (impulses(dwell, when, **options), (0.1,))
+    for name, dwell, when, options in (
+        ("impulses", [0.2, 0.4], "before", {}),
+        ("impulses_equal", [0.3, 0.3], "after", {"window": 4}),
+        ("impulses_table", [0.2, 0.3], "before", {"strategy": "quadratic"}),
+    )
 }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from obsdesign.cli.commands import cli
 from obsdesign.export.folder import code_claim, write_code
 from obsdesign.export.manifest import Options
 from obsdesign.export.timing import Steps, timing_of
-from tests.export.plants import design_named
+from tests.export.plants import PROBLEMS, design_named
 from tests.systems.compiled import STRICT, compiled
 from tests.systems.designs import designed
 
@@ -121,6 +121,14 @@ def test_designs_without_code(name: str) -> None:
     assert outcome.design is not None
     with pytest.raises(InputError, match="cannot be exported"):
         Options("double", Steps((0.05,))).program(outcome.design)
+
+
+def test_windows_with_too_many_gains() -> None:
+    body, _ = PROBLEMS["impulses"]
+    design = designed(body)
+    with pytest.raises(InputError, match="too many gains"):
+        Options("double", Steps((0.001,))).program(design)
+    assert Options("double", Steps((0.05,))).program(design).jumps
 
 
 def test_numbers_beyond_a_float_are_refused() -> None:

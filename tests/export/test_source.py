@@ -15,6 +15,7 @@ from obsdesign.export.manifest import Options
 from obsdesign.export.programs import typed_gains
 from obsdesign.export.record import record_of, rows_of
 from obsdesign.export.timing import Steps
+from obsdesign.runtime import Sample, from_design
 from tests.export.plants import PROBLEMS, design_named
 from tests.systems.compiled import SANITIZED, STRICT, Library, compiled, require
 
@@ -47,7 +48,7 @@ def test_self_test_notices_another_table(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("name", ["jumps", "periodic_after", "point"])
+@pytest.mark.parametrize("name", ["jumps", "periodic_after", "point", "impulses"])
 def test_c_is_the_program_bit_for_bit(name: str, precision: str, tmp_path: Path) -> None:
     design, steps = design_named(name)
     library = Library(tmp_path, design, Options(precision, Steps(steps)))
@@ -62,6 +63,22 @@ def test_c_is_the_program_bit_for_bit(name: str, precision: str, tmp_path: Path)
         state, wanted = execution.step(state, row)
         assert np.array_equal(ends, wanted.astype(np.float64))
         assert (status == 0) is is_ok
+
+
+@pytest.mark.parametrize("name", ["point", "point_after", "impulses", "impulses_equal"])
+def test_point_estimates_are_those_of_the_runtime(name: str) -> None:
+    design, steps = design_named(name)
+    program, observer = Options("double", Steps(steps)).program(design), from_design(design)
+    rows = rows_of(program, typed_gains(design), np.random.default_rng(7), 300)
+    execution, ticks = Execution(program), 0
+    state, theirs = execution.start(np.zeros(program.sizes.n)), observer.start(0.0, None)
+    for row in rows:
+        ticks += program.timing.ticks[row.step - 1] if row.step else 0
+        t = float(ticks * program.timing.tick)
+        state, x = execution.step(state, row)
+        theirs, estimate = observer.step(theirs, Sample(t, row.y, row.u, row.w, row.jump))
+        assert estimate.x is not None
+        assert np.abs(x - estimate.x).max() < 1e-10 * (1 + np.abs(estimate.x).max())
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from tests.systems.designs import designed
 MISSING, DWELL, UNCERTIFIED, OUTSIDE, CROSSED, OVERFLOW, STEP, VOID = (1 << k for k in range(8))
 # where each reason of the runtime stands in C
 WORDS = {"missing sample": MISSING, "dwell time": DWELL, "change": DWELL,
-         "no width": UNCERTIFIED, "since the last sample": UNCERTIFIED}  # fmt: skip
+         "no width": UNCERTIFIED, "not certified": UNCERTIFIED, "since the last sample": UNCERTIFIED}  # fmt: skip
 
 
 def with_noise(name: str) -> tuple[Any, tuple[float, ...]]:
@@ -48,7 +48,8 @@ def test_timing_is_judged_as_in_python(name: str, tmp_path: Path) -> None:
         Library(tmp_path, design, Options("double", Steps(steps))),
         from_design(design),
     )
-    initial = [-np.ones(2), np.ones(2)] if library.program.has_bounds else [np.zeros(2)]
+    n = library.program.sizes.n
+    initial = [-np.ones(n), np.ones(n)] if library.program.has_bounds else [np.zeros(n)]
     library.start(*initial)
     state, ticks, reasons = observer.start(0.0, np.stack(initial, 1).reshape(-1).tolist()), 0, set()
     timing = library.program.timing

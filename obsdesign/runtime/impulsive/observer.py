@@ -14,6 +14,7 @@ an older measurement.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -113,6 +114,16 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         following = replace(following, t=t, x=x, u=u, guard=guard, started=True)
         return following, Estimate(t, x=x, status=status_of(objections, x))
+
+    def gain_after(self, spacings: Sequence[float]) -> tuple[Matrix | None, str | None]:
+        """(L, warning or None) of an impulse after these spacings, the newest last.
+
+        Before them is the virtual past. L is None where the window determines nothing.
+        """
+        state = self.init()
+        for spacing in spacings:
+            state = self._slide(state, spacing)
+        return self._gain(state)
 
     @cached_property
     def _core(self) -> Core:
