@@ -52,14 +52,18 @@ class Execution:
         program, u = self.program, self._numbers(np.zeros(self.program.sizes.m))
         first = [self._numbers(each) for each in initial]
         if not program.has_bounds:
-            return Carried(first[0], None, u, history=len(program.jumps) - 1)
+            x = np.zeros(program.sizes.ends, self._dtype)
+            x[program.first : program.first + program.sizes.n] = first[0]
+            if program.initial is not None:
+                x, _ = self._applied(program.initial, x, None, None, u)
+            return Carried(x, None, u, history=len(program.jumps) - 1)
         e = np.concatenate([first[0], -first[1]])
         if program.initial is not None:
             _, e = self._applied(program.initial, e, None, None, u)
         return Carried(e, None, u)
 
     def step(self, state: Carried, row: Row) -> tuple[Carried, Matrix]:
-        """The state and [lower; -upper] of x, or x, after a row."""
+        """The state and [lower; -upper] of x, or x and d, after a row."""
         program = self.program
         when, flow = program.rules.when, program.flows[row.step]
         y = None if row.y is None else self._numbers(row.y)
@@ -83,7 +87,7 @@ class Execution:
             elapsed = 0
         kept = y if not row.jump or when == "after" else None
         u = state.u if row.u is None else self._numbers(row.u)
-        return Carried(e, kept, u, elapsed, cell), ends
+        return Carried(e, kept, u, elapsed, cell), ends[program.answer]
 
     def _cell(self, elapsed: int | None, history: int) -> int:
         """Place of the gain of a jump, `elapsed` ticks after the last one."""

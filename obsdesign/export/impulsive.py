@@ -44,7 +44,7 @@ def impulsive_program(entries: Entries, target: Precision, steps: Steps) -> Prog
         (plain, plain if L is None else tables.place(jump_product(gains, -L, sizes)))
         for L in _gains(gains, timing)
     ]
-    rules = Rules(gains.jump_measurement, False, window=gains.window_length)
+    rules = Rules(gains.jump_measurement, False, window=gains.window_length, bridges_gaps=False)
     return Program(
         "impulsive", target, sizes, tuple(tables.products), tuple(flows), tuple(jumps), None, None,
         timing, rules,

@@ -98,6 +98,7 @@ class Rules:
     samples events, a period apart? allows_no_second_jump: between two of them? input_bound,
     jump_input_bound: largest |u| and |w| that bounds of the error of a point estimate count on,
     None without any. window: spacings that the gain of a jump depends on, the last ones; 0 of none.
+    bridges_gaps: are estimates after a missing sample those of the runtime?
     """
 
     when: str
@@ -107,6 +108,7 @@ class Rules:
     input_bound: Matrix | None = None
     jump_input_bound: Matrix | None = None
     window: int = 0
+    bridges_gaps: bool = True
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class Program:
     carries; products: all tables, each once; flows: of each length by `FLOWS` the places of tables,
     the first of length zero, None where nothing changes; jumps: of each dwell cell, or sequence of
     spacings, those without and with a measurement; still, initial: places, None where there are
-    none.
+    none. first, q: place of x in what a point observer carries, number of unknown inputs after it.
     """
 
     kind: str
@@ -130,6 +132,14 @@ class Program:
     initial: int | None
     timing: Timing
     rules: Rules
+    first: int = 0
+    q: int = 0
+
+    @property
+    def answer(self) -> slice:
+        """Where the estimate is in what is carried: bounds, or x and d."""
+        count = self.sizes.ends if self.has_bounds else self.sizes.n + self.q
+        return slice(self.first, self.first + count)
 
     @property
     def has_bounds(self) -> bool:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from obsdesign.document import Design
-from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.gains import Gains
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.errors import InputError
 from obsdesign.export.impulsive import impulsive_program
 from obsdesign.export.interval import interval_program
@@ -14,13 +15,15 @@ from obsdesign.export.luenberger import luenberger_program
 from obsdesign.export.precision import PRECISIONS
 from obsdesign.export.program import Program
 from obsdesign.export.timing import Steps
+from obsdesign.export.unknown_input import unknown_input_program
 
 _PROGRAMS = {
     "interval": interval_program, "luenberger": luenberger_program,
-    "impulsive": impulsive_program,
+    "impulsive": impulsive_program, "unknown_input": unknown_input_program,
 }  # fmt: skip
-_GAINS: dict[str, type[PlantGains]] = {
+_GAINS: dict[str, type[Gains]] = {
     "interval": IntervalGains, "luenberger": LuenbergerGains, "impulsive": ImpulsiveGains,
+    "unknown_input": UnknownInputGains,
 }  # fmt: skip
 # entries of gains that the code has no operations for
 _BLOCKS = {
@@ -38,7 +41,7 @@ def program_of(design: Design, precision: str, steps: Steps) -> Program:
     return _PROGRAMS[design.kind](design.gains, PRECISIONS[precision], steps)
 
 
-def typed_gains(design: Design) -> PlantGains:
+def typed_gains(design: Design) -> Gains:
     """The gains of a design that can be exported."""
     _refuse(design)
     return _GAINS[design.kind].from_document(design.gains)

@@ -8,7 +8,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.document import Design
-from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.gains import Gains, PlantGains
 from obsdesign.export.execution import Row
 from obsdesign.export.program import Program
 from obsdesign.runtime.base import Sample
@@ -25,7 +25,8 @@ _NOISE = 0.9
 class Record(NamedTuple):
     """Rows with the runtime's answers. initial: bounds of x, or a guess.
 
-    ends (rows, 2n): [lower; -upper], or (rows, n): x; is_ok: is a row's status ok?
+    ends (rows, 2n): [lower; -upper], or (rows, n + q): x and d, 0 where there is none; is_ok: is a
+    row's status ok?
     """
 
     initial: list[Matrix]
@@ -34,9 +35,14 @@ class Record(NamedTuple):
     is_ok: list[bool]
 
 
-def record_of(design: Design, program: Program, gains: PlantGains) -> Record:
+def record_of(design: Design, program: Program, gains: Gains) -> Record:
     """The record of a design: its plant without disturbances, from a fixed seed."""
-    rows = rows_of(program, gains, np.random.default_rng(0), ROWS)
+    random = np.random.default_rng(0)
+    rows = (
+        rows_of(program, gains, random, ROWS)
+        if isinstance(gains, PlantGains)
+        else wandering_rows(program, random, ROWS)
+    )
     n = program.sizes.n
     bounds = [-np.ones(n), np.ones(n)]
     initial = bounds if program.has_bounds else [np.zeros(n)]
@@ -48,11 +54,10 @@ def record_of(design: Design, program: Program, gains: PlantGains) -> Record:
         sample = Sample(float(ticks * program.timing.tick), row.y, row.u, row.w, row.jump)
         state, estimate = observer.step(state, sample)
         low, high = estimate.lower, estimate.upper
-        answer = estimate.x if low is None or high is None else np.concatenate([low, -high])
-        assert answer is not None
-        ends.append(answer)
+        parts = [estimate.x, estimate.d] if low is None or high is None else [low, -high]
+        ends.append(np.concatenate([part for part in parts if part is not None]))
         is_ok.append(estimate.status == "ok")
-    return Record(initial, rows, np.array(ends), is_ok)
+    return Record(initial, rows, np.nan_to_num(np.array(ends)), is_ok)
 
 
 def rows_of(
@@ -79,10 +84,24 @@ def rows_of(
         measured = before if program.rules.when == "before" else x
         y = _measurement(program, gains, measured, random)
         is_missing = random.random() < _MISSING or (jump and program.rules.when == "none")
-        if program.rules.window:  # what a missing sample leaves to later gains is not exported
+        if (
+            not program.rules.bridges_gaps
+        ):  # what a missing sample leaves to later gains is not exported
             is_missing = not jump
         u = target.nearest(random.uniform(-1.0, 1.0, sizes.m))
         rows.append(Row(step, None if is_missing else y, u, w, jump))
+    return rows
+
+
+def wandering_rows(program: Program, random: np.random.Generator, count: int) -> list[Row]:
+    """Samples that wander, of a plant whose inputs are unknown."""
+    target, sizes, lengths = program.target, program.sizes, program.timing.lengths
+    y, rows = np.zeros(sizes.p), list[Row]()
+    for k in range(count):
+        step = 0 if k == 0 else 1 + (k - 1) % len(lengths)
+        y = y + 0.1 * random.uniform(-1.0, 1.0, sizes.p)
+        u = target.nearest(random.uniform(-1.0, 1.0, sizes.m))
+        rows.append(Row(step, target.nearest(y), u))
     return rows
 
 

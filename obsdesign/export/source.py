@@ -67,7 +67,8 @@ def _context(export: Export) -> NewEntries:
         "digits": program.target.digits, "zero": program.target.literal(0.0),
         "one": program.target.literal(1.0), "n": sizes.n, "outputs": sizes.p, "m": sizes.m,
         "l": sizes.l, "ends": sizes.ends, "known": sizes.known, "middle": sizes.middle,
-        "width": program.width, "rooms": 2 * sizes.p, "has_bounds": program.has_bounds,
+        "width": program.width, "first": program.first, "q": program.q, "rooms": 2 * sizes.p,
+        "answers": program.answer.stop - program.answer.start, "has_bounds": program.has_bounds,
         "has_jumps": has_jumps, "when": rules.when, "corrects": rules.corrects,
         "is_periodic": rules.is_periodic, "jump_words": _JUMP_WORDS[rules.when],
         "still": program.still, "initial": program.initial,
@@ -100,7 +101,8 @@ def _timing(export: Export, has_jumps: bool) -> NewEntries:
         "shortest": timing.shortest, "longest": timing.longest, "jitter": timing.jitter,
         "period": timing.period, "borders": timing.borders, "due": due,
         "longest_place": None if timing.limit is None else len(within),
-        "window": rules.window, "base": (timing.spacings or 0) + 1, "sequences": len(program.jumps),
+        "window": rules.window, "bridges_gaps": rules.bridges_gaps,
+        "base": (timing.spacings or 0) + 1, "sequences": len(program.jumps),
         "has_second_jump": has_jumps and rules.allows_no_second_jump,
     }  # fmt: skip
 

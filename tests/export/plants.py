@@ -35,6 +35,13 @@ def impulses(dwell: list[float], when: str, **options: Any) -> Any:
     }  # fmt: skip
 
 
+UNKNOWN: dict[str, Any] = {
+    "flow": {
+        "A": [[-1.0, 0.5, 0.0], [0.2, -0.7, 0.3], [0.0, 0.1, -2.0]], "D": [[1.0], [0.0], [0.5]],
+        "B": [[0.0], [1.0], [0.0]],
+    },
+    "output": {"C": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]}, "observer": {"kind": "unknown_input"},
+}  # fmt: skip
 PROBLEMS: dict[str, tuple[Any, tuple[float, ...]]] = {
     "continuous": (problem("interval", {}, None), (0.05, 0.02)),
     "jumps": (problem("interval", {}, JUMP), (0.05,)),
@@ -50,6 +57,7 @@ PROBLEMS: dict[str, tuple[Any, tuple[float, ...]]] = {
     "point_jitter": (
         problem("luenberger", {}, JUMP | {"dwell_time": [0.3, 2.0], "dwell_jitter": 0.1}), (0.05,)
     ),
+    "unknown": (UNKNOWN, (0.05, 0.1)),
 } | {
     name: (impulses(dwell, when, **options), (0.1,))
     for name, dwell, when, options in (

@@ -83,7 +83,7 @@ class Library:
         estimate = self._estimate()
         self._library.obs_step(self._state, ctypes.byref(sample), ctypes.byref(estimate))
         if not program.has_bounds:
-            return np.array(estimate.x), estimate.status
+            return np.array([*estimate.x, *(estimate.d if program.q else ())]), estimate.status
         return np.concatenate([estimate.lower, -np.array(estimate.upper)]), estimate.status
 
 
@@ -100,6 +100,7 @@ def _sample_type(program: Program, real: Any) -> Any:
 def _estimate_type(program: Program, real: Any) -> Any:
     names = ("lower", "upper") if program.has_bounds else ("x",)
     fields = [(name, real * program.sizes.n) for name in names]
+    fields += [("d", real * program.q), ("has_d", ctypes.c_bool)] if program.q else []
     return type(
         "Estimate", (ctypes.Structure,), {"_fields_": [*fields, ("status", ctypes.c_uint32)]}
     )
