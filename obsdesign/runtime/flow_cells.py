@@ -8,6 +8,7 @@ exponential. What 16 terms leave is below 1e-18 of |e^{N c}|.
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from math import log
 
 import numpy as np
@@ -37,7 +38,7 @@ class FlowCells:
         self._N = units[:, None] * N / units
         # zero where N leaves the map zero at any length: rounding does not
         self._scales = np.where(reachable(N != 0)[:rows], units / units[:rows, None], 0.0)
-        self._shape = self._scales.shape
+        self._shape: tuple[int, int] = (rows, len(N))
         self._lengths = LengthCells(float(np.abs(self._N).sum(axis=1).max()))
         self._cells: OrderedDict[Place, Matrix] = OrderedDict()
         self._recent: dict[float, Matrix] = {}
@@ -56,15 +57,41 @@ class FlowCells:
             values = self._recent[h] = self._made(h)
         return values
 
+    @property
+    def columns(self) -> int:
+        """Columns of a map."""
+        return self._shape[1]
+
+    def several(self, lengths: Sequence[float]) -> list[Matrix]:
+        """The maps of several steps: those of `at`, new ones made together."""
+        maps = {h: self._recent.get(h) for h in dict.fromkeys(lengths)}
+        new = [h for h, values in maps.items() if values is None]
+        made = dict(zip(new, self._made_together(new), strict=True))
+        if len(self._recent) + len(new) <= _RECENT:
+            self._recent.update(made)
+        known = {h: values for h, values in maps.items() if values is not None} | made
+        return [known[h] for h in lengths]
+
+    def _made_together(self, lengths: Sequence[float]) -> list[Matrix]:
+        cells = list(map(self._lengths.place, lengths))
+        places = [1.0 if cell is None else cell[1] or NEXT_TO_ZERO for cell in cells]
+        powers = exp(_POWERS * np.array(list(map(log, places)))[:, None])
+        return [
+            self._made(h) if cell is None
+            else own.dot(self._series_of(cell[0])).reshape(self._shape)
+            for h, cell, own in zip(lengths, cells, powers, strict=True)
+        ]  # fmt: skip
+
+    def _series_of(self, place: Place) -> Matrix:
+        series = self._cells.get(place)
+        return cached_step(self._cells, place, self._series) if series is None else series
+
     def _made(self, h: float) -> Matrix:
         cell = self._lengths.place(h)
         if cell is None:
             return self._scaled(expm(self._N * h))
         place, x = cell
-        series = self._cells.get(place)
-        if series is None:
-            series = cached_step(self._cells, place, self._series)
-        values: Matrix = exp(_POWERS * log(x or NEXT_TO_ZERO)).dot(series)
+        values: Matrix = exp(_POWERS * log(x or NEXT_TO_ZERO)).dot(self._series_of(place))
         return values.reshape(self._shape)
 
     def _series(self, place: Place) -> Matrix:

@@ -23,9 +23,11 @@ from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.runtime.base import Estimate, Sample, by_position, centred, instant, vector
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.flow_cells import FlowCells, driven_columns, free_cells
 from obsdesign.runtime.jump import corrected_jump, no_jumps
 from obsdesign.runtime.known_inputs import KnownInputs
+from obsdesign.runtime.luenberger.stretches import LARGE, SHORTEST, Stretches
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.state_marks import Inputs, Outputs, States
 from obsdesign.runtime.status import (
@@ -37,11 +39,7 @@ from obsdesign.runtime.status import (
 )
 
 _ONE = np.ones(1)
-# beyond, a step is made where overflow is not a warning
-_LARGE = 1e30
 _FLOAT = np.dtype(np.float64)
-# what a slope of y adds in shorter steps is nothing, and neither is finite
-_SHORTEST = 1e-150
 # how an estimate ends that has x alone
 _NO_BOUNDS = (None, None, None, (), "ok", None, None, None)
 
@@ -50,8 +48,8 @@ class LuenbergerState(NamedTuple):
     """Everything the next step needs: the estimate x just after time t.
 
     y: measurement that the next step may start from, less the middle of its noise; is_usual: is
-    there such a y, are all numbers below `_LARGE`, and are known inputs within their bounds, as
-    they were? refutation: since when the bound of the error is void, and why, "" while it counts.
+    there such a y, are all numbers below `LARGE`, and are known inputs within their bounds,
+    as they were? refutation: since when the bound of the error is void, and why, "" while not.
     """
 
     t: float
@@ -133,7 +131,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
         guard, late = state.guard.after(t, sample.jump)
         objections: list[str] = [late] if late else []
-        large = self._known_inputs.reasons(state.u, sample.w if sample.jump else None)
+        large = self.known_inputs.reasons(state.u, sample.w if sample.jump else None)
         refutation = state.refutation
         objections += large
         if refutation:
@@ -148,14 +146,31 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         if sample.jump:
             if self.gains.G is None:
                 raise no_jumps()
-            M = self._jump_gain(state.guard.last_jump, t)
+            M = self.jump_gain(state.guard.last_jump, t)
             x = corrected_jump(self.gains, x, sample.w, y, M)
             usable = y if when == "after" else None
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
-        is_certain = not (refutation or self._known_inputs.reasons(u, None))
-        is_usual = is_certain and usable is not None and all(map(_moderate, (x, usable, u)))
+        is_usual = (
+            self.is_certain(refutation, u)
+            and usable is not None
+            and all(map(_moderate, (x, usable, u)))
+        )
         following = LuenbergerState(t, x, u, usable, guard, True, is_usual, refutation)
         return following, Estimate(t, x=x, status=status_of(objections, x))
+
+    def is_certain(self, refutation: str, u: Matrix) -> bool:
+        """Does the bound of the error count in the step behind a row with input u?"""
+        return not (refutation or self.known_inputs.reasons(u, None))
+
+    def batch(self, state: LuenbergerState, record: Columns) -> Batch:
+        """Estimates of the rows of a record from a state at its first row: those of `step`."""
+        return self.batch_step(state, record)[1]
+
+    def batch_step(self, state: LuenbergerState, record: Columns) -> tuple[LuenbergerState, Batch]:
+        """The state and the estimates after the rows of a record: the numbers of `step`."""
+        if record.y is None or record.bounds is not None or record.mode is not None:
+            return super().batch_step(state, record)
+        return Stretches(self, state, record, record.y).batch()
 
     def _flow(self, state: LuenbergerState, t: float, y_end: Matrix | None) -> Matrix:
         if t == state.t:
@@ -169,12 +184,13 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
 
     def _measured(self, h: float, x: Matrix, start: Matrix, u: Matrix, end: Matrix) -> Matrix:
         """The estimate after a step h in which y goes from start to end."""
-        slope = (end - start) / max(h, _SHORTEST)
+        slope = (end - start) / max(h, SHORTEST)
         known = concatenate((x, start, u, _ONE, slope))
         return np.asarray(self.measured_cells.at(h).dot(known))
 
     @cached_property
-    def _known_inputs(self) -> KnownInputs:
+    def known_inputs(self) -> KnownInputs:
+        """Bounds of known inputs that the bound of the error counts on."""
         return KnownInputs(self.gains.input_bound, self.gains.jump_input_bound)
 
     @cached_property
@@ -192,7 +208,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         N[n : n + p, -p:] = np.eye(p)
         return FlowCells(N, n)
 
-    def _jump_gain(self, last_jump: float | None, t: float) -> Matrix:
+    def jump_gain(self, last_jump: float | None, t: float) -> Matrix:
         """M, or where gains follow a schedule, the one for the dwell time that ends at t."""
         gains = self.gains
         if last_jump is None or gains.M_cells is None or gains.dwell_borders is None:
@@ -203,4 +219,4 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
 
 def _moderate(values: Matrix) -> bool:
     """Are all numbers far from overflow, none NaN? Of a few, faster than by numpy."""
-    return bool(sum(map(abs, values.tolist())) < _LARGE)
+    return bool(sum(map(abs, values.tolist())) < LARGE)
