@@ -113,7 +113,7 @@ class PlantGains(Gains):
         """Middle of the bounds of b (n,)."""
         return np.asarray((self.flow_lower + self.flow_upper) / 2)
 
-    @property
+    @cached_property
     def jump_drift(self) -> Array:
         """Middle of the bounds of c (n,); zero without jumps."""
         if self.jump_lower is None or self.jump_upper is None:

@@ -8,7 +8,6 @@ exponential. What 16 terms leave is below 1e-18 of |e^{N c}|.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
 from math import log
 
 import numpy as np
@@ -62,25 +61,21 @@ class FlowCells:
         """Columns of a map."""
         return self._shape[1]
 
-    def several(self, lengths: Sequence[float]) -> list[Matrix]:
-        """The maps of several steps: those of `at`, new ones made together."""
-        maps = {h: self._recent.get(h) for h in dict.fromkeys(lengths)}
-        new = [h for h, values in maps.items() if values is None]
-        made = dict(zip(new, self._made_together(new), strict=True))
-        if len(self._recent) + len(new) <= _RECENT:
-            self._recent.update(made)
-        known = {h: values for h, values in maps.items() if values is not None} | made
-        return [known[h] for h in lengths]
-
-    def _made_together(self, lengths: Sequence[float]) -> list[Matrix]:
-        cells = list(map(self._lengths.place, lengths))
-        places = [1.0 if cell is None else cell[1] or NEXT_TO_ZERO for cell in cells]
-        powers = exp(_POWERS * np.array(list(map(log, places)))[:, None])
-        return [
-            self._made(h) if cell is None
-            else own.dot(self._series_of(cell[0])).reshape(self._shape)
-            for h, cell, own in zip(lengths, cells, powers, strict=True)
-        ]  # fmt: skip
+    def several(self, lengths: Matrix) -> list[Matrix]:
+        """The maps of several steps, each that of `at`, made together."""
+        unique, order = np.unique(lengths, return_inverse=True)
+        places, x = self._lengths.places(unique)
+        powers = exp(
+            _POWERS * np.array(list(map(log, np.where(x > 0.0, x, NEXT_TO_ZERO))))[:, None]
+        )
+        values = np.empty((len(unique), self._scales.size))
+        maps = list(values.reshape(-1, *self._shape))
+        for k, (place, own, row) in enumerate(zip(places, powers, values, strict=True)):
+            if place is None:
+                maps[k] = self.at(float(unique[k]))
+            else:
+                own.dot(self._series_of(place), row)
+        return [maps[k] for k in order.tolist()]
 
     def _series_of(self, place: Place) -> Matrix:
         series = self._cells.get(place)

@@ -48,6 +48,19 @@ class LengthCells:
         number = int(within)
         return (exponent, number), within - number
 
+    def places(self, lengths: Matrix) -> tuple[list[Place | None], Matrix]:
+        """The cells of lengths (k,) and x (k,), each that of `place`; x = 0 where there is none."""
+        exponents = np.frexp(lengths)[1]
+        span, density = np.empty((2, len(lengths)))
+        for exponent in np.unique(exponents).tolist():
+            own = exponents == exponent
+            span[own], density[own] = self._octaves.get(exponent) or self._octave(exponent)
+        within = (lengths - span) * density
+        numbers = np.floor(within)
+        pairs = zip(exponents.tolist(), numbers.tolist(), (density > 0.0).tolist(), strict=True)
+        cells = [(exponent, int(number)) if has else None for exponent, number, has in pairs]
+        return cells, within - numbers
+
     def ends(self, place: Place) -> tuple[float, float]:
         """(middle, half the length) of a cell; half is a power of two."""
         exponent, number = place

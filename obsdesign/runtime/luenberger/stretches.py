@@ -129,8 +129,8 @@ class Stretches:
     def _together(self, state: LuenbergerState, rows: slice) -> Matrix:
         """Estimates (k, n) of the rows of a stretch, less those from the first large one on."""
         observer, n = self.observer, self.observer.n
-        v, steps = self._known(state, rows), self._steps[rows].tolist()
-        products = [own.dot for own in observer.measured_cells.several(steps)]
+        v, maps = self._known(state, rows), observer.measured_cells.several(self._steps[rows])
+        products = [step.dot for step in maps]
         results, first = v[1:, :n], 0
         views = list(zip(products, v, results, strict=False))
         jumps = self._jumps[slice(*np.searchsorted(self._jumps, (rows.start, rows.stop)))]
