@@ -10,10 +10,12 @@ import math
 from typing import Protocol
 
 # |R| at a peak that is evaluated, in deviations of its worst direction, mostly the impulse's own.
-# Whether an impulse counts its fit decides; errors of the plant make lower maxima
+# Whether an impulse counts its fit decides; errors of the plant make lower maxima, and what they
+# hide of weaker impulses a matched filter shows
 LEAST_PEAK_DEVIATIONS = 6.0
-# deviations that an impulse must explain, by its position or by its fit: at an age that is given
-# noise does so in 2 of 1e9 windows, and a record has many windows with many ages each
+# deviations that an impulse must explain, by its position, its direction in white features or its
+# fit: at an age that is given noise does so in 2 of 1e9 windows, and a record has many windows with
+# many ages each
 LEAST_DEVIATIONS = 6.0
 # of an impulse that an unknown state leaves where the two are told apart: the deviation of its
 # weight is then four to five times as large

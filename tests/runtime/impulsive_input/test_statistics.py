@@ -262,7 +262,7 @@ TWENTY = np.arange(20.0)
 
 
 def rows_with(sigma: float, times: np.ndarray = TWENTY) -> NoisyRows:
-    return NoisyRows(times, np.full(len(times), sigma))
+    return NoisyRows(times, np.full(len(times), sigma), np.zeros(len(times)))
 
 
 def test_a_threshold_fires_at_the_first_value_above_it() -> None:
@@ -295,7 +295,9 @@ def test_a_peak_fires_when_it_was_left_behind() -> None:
     # nor below six deviations of the noise at the maximum
     for sigma, fires in ((0.6, True), (0.7, False)):
         sigmas = np.where(np.arange(20) == 3, sigma, 0.1)
-        _, fired = rule.advance(Search(), values, 0, NoisyRows(noise.times, sigmas), 9.0)
+        _, fired = rule.advance(
+            Search(), values, 0, NoisyRows(noise.times, sigmas, np.zeros(20)), 9.0
+        )
         assert fired == fires
 
 

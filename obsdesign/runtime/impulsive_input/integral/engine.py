@@ -22,7 +22,7 @@ from obsdesign.runtime.impulsive_input.integral.covariance import first_covarian
 from obsdesign.runtime.impulsive_input.integral.evaluate import Decision, Evaluator, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
-from obsdesign.runtime.impulsive_input.integral.noise_level import Whitener
+from obsdesign.runtime.impulsive_input.integral.noise_level import Scores, Whitener
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from obsdesign.runtime.impulsive_input.integral.scan import Scan
 from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, smoothed
@@ -111,7 +111,7 @@ class IntegralEngine:
         if scan.rule is None or first >= len(scan.values):
             return live, False
         means = smoothed(times, scan.values, first, self._half(live))
-        rows = NoisyRows(times, scan.sigmas)
+        rows = NoisyRows(times, scan.sigmas, scan.matched)
         search, fired = scan.rule.advance(scan.search, means.tolist(), first, rows, self.run.tau)
         return replace(live, scan=replace(scan, search=search)), fired
 
@@ -128,16 +128,18 @@ class IntegralEngine:
             live = self._prepared(live)
         R, scan = self.run.features(track, done, ready), live.scan
         if self.run.gains.noisy:
-            return replace(live, scan=self._in_noise(scan, track, R))
+            return replace(live, scan=self._in_noise(live, R))
         values = np.linalg.norm(R, axis=1) if scan.position is None else scan.position.values(R)
-        return replace(live, scan=scan.extended(values, np.zeros(len(R))))
+        return replace(live, scan=scan.extended(Scores(values, *np.zeros((2, len(R))))))
 
-    def _in_noise(self, scan: Scan, track: Track, R: Matrix) -> Scan:
+    def _in_noise(self, live: IntegralLive, R: Matrix) -> Scan:
         """The scan with values for the windows of features R, in the noise of each."""
-        first = len(scan.values)
+        scan, track, first = live.scan, live.track, len(live.scan.values)
+        admitted = live.history.earliest + self.run.gains.shortest_dwell
+        oldest = track.t[first : first + len(R)] + self.run.tau - admitted
         variances = self.whitener.variances(track, first, first + len(R))
         known, noise, k = np.asarray((variances > 0).all(axis=1)), scan.noise, 0
-        values, sigmas = np.zeros(len(R)), np.zeros(len(R))  # at rest there is nothing to judge by
+        scores = np.zeros((3, len(R)))  # at rest there is nothing to judge by
         while k < len(R):
             if not known[k]:
                 k += int(np.argmax(np.append(known[k:], True)))
@@ -146,9 +148,10 @@ class IntegralEngine:
                 noise = self.whitener.level(self._window(track, first + k), variances[k])
             alike = known[k:] & noise.reaches(variances[k:])
             stretch = slice(k, k + int(np.argmin(np.append(alike, False))))
-            values[stretch], sigmas[stretch] = noise.scored(R[stretch], variances[stretch])
+            scores[:, stretch] = noise.scored(R[stretch], variances[stretch], oldest[stretch])
             k = stretch.stop
-        return replace(scan.extended(values, sigmas), noise=noise)
+        scores[2] /= live.history.residuals.ratio  # deviations are as large as residuals say
+        return replace(scan.extended(Scores(*scores)), noise=noise)
 
     def _prepared(self, live: IntegralLive) -> IntegralLive:
         """Rule and covariance for a search that begins, from its first window."""
@@ -207,7 +210,8 @@ class IntegralEngine:
         decision = self._decision(live, window)
         if decision is not None:
             return with_impulse(self.rows, live, decision, window)
-        search = search.given_up(float(values[min(search.position, len(values)) - 1]))
+        value = float(values[min(search.position, len(values)) - 1])
+        search = search.given_up(value, float(window.t[0]) + _SMOOTHING * self.run.tau)
         return replace(live, scan=replace(live.scan, search=search)), []
 
     def _decision(self, live: IntegralLive, window: Window) -> Decision | None:

@@ -9,6 +9,7 @@ rounding leaves of the features counts as noise too.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.runtime.impulsive_input.integral.covariance import propagated
 from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import Track
+from obsdesign.runtime.impulsive_input.integral.matched_filter import MatchedFilter
 from obsdesign.runtime.impulsive_input.integral.search import Position
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses
 from obsdesign.runtime.impulsive_input.whitening import least_cv, noise_level, whitening
@@ -27,28 +29,41 @@ _STEADY_WINDOWS = 20.0  # after which noise alone is left in the error of the st
 _ROUNDING = 1e-14  # of features, by the running integrals they are differences of
 
 
+class Scores(NamedTuple):
+    """Of windows, (k,) each: values of a search, their deviations, those of a matched filter."""
+
+    values: Matrix
+    sigmas: Matrix
+    matched: Matrix
+
+
 @dataclass(frozen=True, slots=True)
 class NoiseLevel:
     """Noise of a window whose samples have the mean variances (p,).
 
-    sigma: deviation of |R|; position: the values by which position is judged, if it is.
+    sigma: deviation of |R|; position: the values by which position is judged, if it is; matched:
+    what |R| does not show, where the rule is `peak`.
     """
 
     variances: Outputs
     sigma: float
     position: Position | None
+    matched: MatchedFilter | None
 
     def reaches(self, variances: Matrix) -> Array:
         """Whether scaling does for windows of variances (k, p), (k,)."""
         ratio = variances / self.variances
         return np.asarray(((ratio <= _SCALED) & (ratio * _SCALED >= 1)).all(axis=1))
 
-    def scored(self, R: Matrix, variances: Matrix) -> tuple[Matrix, Matrix]:
-        """(values of a search, their deviations), (k,), for R (k, p m), variances (k, p)."""
+    def scored(self, R: Matrix, variances: Matrix, oldest: Matrix) -> Scores:
+        """Values of a search for R (k, p m), variances (k, p); oldest (k,): admissible ages."""
         scale = np.sqrt((variances / self.variances).max(axis=1))
-        if self.position is None:
-            return np.linalg.norm(R, axis=1), self.sigma * scale
-        return self.position.values(R) / scale, np.ones(len(R))
+        if self.position is not None:
+            return Scores(self.position.values(R) / scale, np.ones(len(R)), np.zeros(len(R)))
+        matched = np.zeros(len(R))
+        if self.matched is not None:
+            matched = self.matched.deviations(R / scale[:, None], oldest)
+        return Scores(np.linalg.norm(R, axis=1), self.sigma * scale, matched)
 
 
 @dataclass(frozen=True)
@@ -71,11 +86,16 @@ class Whitener:
         evaluator, n = self.evaluator, self.evaluator.gains.n
         responses = evaluator.responses(window)
         noise = responses.sources(np.zeros((n, n)), window.spread)
-        position = None
-        if evaluator.gains.rule == "position":
-            white = self._whitening(window, responses)
-            position = self._position(window, responses, white)
-        return NoiseLevel(variances, float(np.linalg.norm(noise, 2)), position)
+        position, matched, rule = None, None, evaluator.gains.rule
+        if rule == "position":
+            position = self._position(window, responses, self._whitening(window, responses))
+        if rule == "peak":
+            ages = MatchedFilter.compared(evaluator.curve.ages[1:], evaluator.oldest)
+            matched = MatchedFilter.from_curve(
+                self._whitening(window, responses), ages,
+                self._shown(window, responses, ages), evaluator.nonnegative,
+            )  # fmt: skip
+        return NoiseLevel(variances, float(np.linalg.norm(noise, 2)), position, matched)
 
     def exact_position(self, window: Window) -> tuple[Position, float]:
         """The values for y that is exact, and what the output itself leaves in them."""
@@ -85,15 +105,19 @@ class Whitener:
         return position, float(np.linalg.norm(own))
 
     def _position(self, window: Window, responses: Responses, T: Matrix) -> Position:
-        """The values by which position is judged, features made white by T.
+        """The values by which position is judged, features made white by T."""
+        ages = self.evaluator.curve.ages[1:]
+        b = self._shown(window, responses, ages)
+        return Position.from_curve(T, ages, b, self.evaluator.oldest)
 
-        Impulses as samples show them: where K copies what one sensor shows into the residual of
-        another that is all but exact, their difference to smooth responses stands out of its noise.
+    def _shown(self, window: Window, responses: Responses, ages: Matrix) -> Matrix:
+        """Raw features (G, p m, q) of impulses of weight 1 and ages (G,), as samples show them.
+
+        Where K copies what one sensor shows into the residual of another that is all but exact,
+        their difference to smooth responses stands out of its noise.
         """
-        evaluator, ages = self.evaluator, self.evaluator.curve.ages[1:]
-        onsets = window.t[0] + evaluator.run.tau - ages
-        b, _ = responses.impulses(evaluator.gains, window.t, onsets)
-        return Position.from_curve(T, ages, b, evaluator.oldest)
+        onsets = window.t[0] + self.evaluator.run.tau - ages
+        return responses.impulses(self.evaluator.gains, window.t, onsets)[0]
 
     def _whitening(self, window: Window, responses: Responses) -> Matrix:
         """T (r, p m): white with the noise that K makes of earlier samples, and with rounding."""

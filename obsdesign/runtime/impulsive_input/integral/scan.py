@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.runtime.impulsive_input.integral.noise_level import NoiseLevel
+from obsdesign.runtime.impulsive_input.integral.noise_level import NoiseLevel, Scores
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, Search
 from obsdesign.runtime.state_marks import Axes
 
@@ -17,12 +17,13 @@ from obsdesign.runtime.state_marks import Axes
 class Scan:
     """Values of the first rows, whose windows are complete, and their deviations in noise.
 
-    values: |R|, or as `position` has it. rule: None until there is one. noise: of the last window;
-    position: that of exact y.
+    values: |R|, or as `position` has it; matched: deviations of an impulse that stands out of white
+    features. rule: None until there is one. noise: of the last window; position: that of exact y.
     """
 
     values: Annotated[Matrix, Axes("rows")] = field(default_factory=lambda: np.zeros(0))
     sigmas: Annotated[Matrix, Axes("rows")] = field(default_factory=lambda: np.zeros(0))
+    matched: Annotated[Matrix, Axes("rows")] = field(default_factory=lambda: np.zeros(0))
     search: Search = field(default_factory=Search)
     rule: Rule | None = None
     noise: NoiseLevel | None = None
@@ -31,13 +32,14 @@ class Scan:
     def from_row(self, row: int) -> Scan:
         """The scan after the rows in front of a row were dropped."""
         return replace(
-            self, values=self.values[row:], sigmas=self.sigmas[row:],
+            self, values=self.values[row:], sigmas=self.sigmas[row:], matched=self.matched[row:],
             search=self.search.shifted(row),
         )  # fmt: skip
 
-    def extended(self, values: Matrix, sigmas: Matrix) -> Scan:
+    def extended(self, scores: Scores) -> Scan:
         """The scan with the values of further rows."""
         return replace(
-            self, values=np.concatenate([self.values, values]),
-            sigmas=np.concatenate([self.sigmas, sigmas]),
+            self, values=np.concatenate([self.values, scores.values]),
+            sigmas=np.concatenate([self.sigmas, scores.sigmas]),
+            matched=np.concatenate([self.matched, scores.matched]),
         )  # fmt: skip

@@ -8,6 +8,9 @@ Where |b(age)| has no peak inside the ages that are searched, the oldest positio
 impulse is evaluated once the age that explains the features best is most of the window
 (`Position`). With a threshold, the rule of their Section III-C: the first t_o with |R| above it.
 
+An impulse that |R| does not show above its floor is evaluated where it stands out of white features
+(`matched_filter`), once it is past its peak, unless a maximum is in progress.
+
     rise = share max(N, floor) + sigma      drop = share N_max + sigma
 """
 
@@ -22,7 +25,8 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.equations.impulsive_input.evaluation_rule import EVALUATED_AGE_SHARE
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
-from obsdesign.runtime.impulsive_input.significance import LEAST_PEAK_DEVIATIONS
+from obsdesign.runtime.impulsive_input.significance import LEAST_DEVIATIONS, LEAST_PEAK_DEVIATIONS
+from obsdesign.runtime.state_marks import Past
 
 _SHARE = 0.5  # of the features that it must explain
 
@@ -31,7 +35,9 @@ _SHARE = 0.5  # of the features that it must explain
 class Search:
     """Where a search stands: next row to look at, lowest and highest value, row of the highest.
 
-    armed: after a rise, so that a maximum counts; at_start: the maximum is the first instant.
+    armed: after a rise, so that a maximum counts; at_start: the maximum is the first instant, or
+    there is none, and only a good fit counts. matched_from: time from which on an impulse below
+    the floor of |R| counts.
     """
 
     position: int = 0
@@ -40,6 +46,7 @@ class Search:
     lowest: float = math.inf
     highest: float = -math.inf
     top: int = 0
+    matched_from: Past = -math.inf
 
     @property
     def front(self) -> int:
@@ -50,9 +57,12 @@ class Search:
         """The same search after `rows` rows were dropped in front."""
         return replace(self, position=self.position - rows, top=self.top - rows)
 
-    def given_up(self, value: float) -> Search:
+    def given_up(self, value: float, matched_from: float) -> Search:
         """The search after its maximum was turned down."""
-        return replace(self, armed=False, at_start=False, lowest=value, highest=-math.inf)
+        return replace(
+            self, armed=False, at_start=False, lowest=value, highest=-math.inf,
+            matched_from=matched_from,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +88,7 @@ class Rule:
         if self.threshold is not None:
             return self._exceeded(search, values, offset)
         times, sigmas = rows.times, rows.sigmas[offset : offset + len(values)].tolist()
+        matched = rows.is_matched(search.matched_from, offset, offset + len(values))
         lowest, highest, top = search.lowest, search.highest, search.top
         armed, at_start = search.armed, search.at_start
         for j in range(search.position, offset + len(values)):
@@ -87,6 +98,11 @@ class Rule:
                 lowest = value
                 armed, at_start, highest, top = value > floor, True, value, j
                 continue
+            if matched[j - offset] and not (armed and highest > floor):
+                return replace(
+                    search, position=j + 1, armed=True, at_start=True, lowest=lowest,
+                    highest=value, top=j,
+                ), True  # fmt: skip
             if not armed:
                 lowest = min(lowest, value)
                 if value > lowest + self.share * max(value, floor) + sigma:
@@ -97,13 +113,13 @@ class Rule:
                 highest, top = value, top if at_start else j
             elif value < highest - self.share * highest - sigma or times[j] - times[top] > tau:
                 if highest > max(self.floor, LEAST_PEAK_DEVIATIONS * float(rows.sigmas[top])):
-                    return Search(
-                        position=j + 1, armed=True, at_start=at_start, lowest=lowest,
+                    return replace(
+                        search, position=j + 1, armed=True, at_start=at_start, lowest=lowest,
                         highest=highest, top=top,
                     ), True  # fmt: skip
                 armed, at_start, lowest, highest = False, False, value, -math.inf
-        return Search(
-            position=offset + len(values), armed=armed, at_start=at_start, lowest=lowest,
+        return replace(
+            search, position=offset + len(values), armed=armed, at_start=at_start, lowest=lowest,
             highest=highest, top=top,
         ), False  # fmt: skip
 
@@ -116,10 +132,19 @@ class Rule:
 
 
 class NoisyRows(NamedTuple):
-    """Times of all rows (L,), deviations of the values of those that have one (k,)."""
+    """Times of all rows (L,); deviations of the values of those that have one (k,).
+
+    matched (k,): deviations by which an impulse stands out of their white features.
+    """
 
     times: Matrix
     sigmas: Matrix
+    matched: Matrix
+
+    def is_matched(self, since: float, first: int, last: int) -> list[bool]:
+        """Whether rows first .. last - 1 show an impulse, from a time on."""
+        counts = self.times[first:last] >= since
+        return list((counts & (self.matched[first:last] > LEAST_DEVIATIONS)).tolist())
 
 
 @dataclass(frozen=True)
