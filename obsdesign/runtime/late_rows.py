@@ -76,6 +76,7 @@ class LateRows:
         self._now_before, self._before, self._dt = now, before, dt
         self._sees_after = np.array(sees_after, dtype=bool)
         self._rows = [_Row(x.t, k - len(samples), x) for k, x in enumerate(samples)]
+        self._rows_before = self._rows
 
     @property
     def samples(self) -> tuple[Sample, ...]:
@@ -86,25 +87,43 @@ class LateRows:
         """Put a row in its place; None if it has none, as `reason_against` says.
 
         rank: its place in the order of the file. in_lines: do rows of one time act in this order
-        also where one is late? Otherwise a late one acts as its sensors see events. ValueError for
-        a second row of one time where rows may not share it, and for a time between two steps.
+        also where one is late? Otherwise a late one acts as its sensors see events. Where rows may
+        not share a time, a second one fills what the first leaves open. ValueError where it does
+        not fit, and for a time between two steps.
         """
         self._now_before, self.now = self.now, max(self.now, received(sample))
+        self._rows_before = self._rows
         if self._is_settled(sample.t):
             return None
         place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
+        if not self._may_repeat and place and self._rows[place - 1].t == sample.t:
+            return self._filled(place - 1, sample)
         if self._now_before > sample.t and not in_lines:
             before = self._place_by_stages(sample, place)
             if before is None:
                 return None
             if before < place:
                 place, rank = before, self._rows[before].rank
-        self._rows.insert(place, _Row(sample.t, rank, sample))
+        self._rows = [*self._rows[:place], _Row(sample.t, rank, sample), *self._rows[place:]]
         try:
             self._check_times(place)
         except ValueError:
-            self.withdraw(place)
+            self.withdraw()
             raise
+        return self._arrival(sample, place)
+
+    def _filled(self, place: int, sample: Sample) -> Arrival:
+        """A row of the same time as one of the buffer fills what that one leaves open."""
+        row = self._rows[place]
+        try:
+            both = _together(row.sample, sample)
+        except ValueError:
+            self.withdraw()
+            raise
+        self._rows = [*self._rows[:place], row._replace(sample=both), *self._rows[place + 1 :]]
+        return self._arrival(sample, place)
+
+    def _arrival(self, sample: Sample, place: int) -> Arrival:
         changed = first_changed(sample, self._errors)
         since = bisect_left(self._rows, changed, hi=place, key=lambda row: row.t)
         return Arrival(self.samples, place, self._leaving, since)
@@ -144,13 +163,12 @@ class LateRows:
                 continue
             if self._dt is not None:
                 steps_to_row(earlier, later, self._dt, started=True)
-            elif earlier == later and not self._may_repeat:
+            elif earlier == later and not self._may_repeat:  # the first one is final
                 raise ValueError(f"t must differ from row to row; {later!r} stands twice.")
 
-    def withdraw(self, place: int) -> None:
+    def withdraw(self) -> None:
         """Take the last row to arrive out again: it has never come."""
-        del self._rows[place]
-        self.now = self._now_before
+        self._rows, self.now = self._rows_before, self._now_before
 
     def settled(self) -> list[Sample]:
         """Take out the rows that no other can precede any more."""
@@ -182,6 +200,29 @@ class LateRows:
     def _is_settled(self, t: float) -> bool:
         """Have all rows up to time t arrived by now?"""
         return self.now - t > self.lag + time_tolerance(self.lag, self.now)
+
+
+def _together(row: Sample, other: Sample) -> Sample:
+    """One row of two of a time; ValueError where both state the same.
+
+    received: of the later one.
+    """
+    twice = f"t must differ from row to row: two rows of {row.t!r} state"
+    happens = other if other.jump or other.events else row
+    if happens is other and (row.jump or row.events):
+        raise ValueError(f"{twice} events.")
+    entries = {name: getattr(happens, name) for name in ("jump", "events", "w")}
+    for name in ("u", "bounds", "mode"):
+        own, new = getattr(row, name), getattr(other, name)
+        if own is not None and new is not None and not np.array_equal(own, new):
+            raise ValueError(f"{twice} {name}.")
+        entries[name] = new if own is None else own
+    samples = [np.asarray(x.y, float) for x in (row, other) if x.y is not None]
+    if len(samples) == 2 and (np.isfinite(samples[0]) & np.isfinite(samples[1])).any():
+        raise ValueError(f"{twice} a sample.")
+    if samples:
+        entries["y"] = np.where(np.isfinite(samples[0]), samples[0], samples[-1])
+    return row._replace(**entries, received=max(received(row), received(other)))
 
 
 class Replay:
@@ -218,7 +259,7 @@ class Replay:
         try:
             revised = self.revised(arrival)
         except ValueError:
-            self._rows.withdraw(arrival.place)
+            self._rows.withdraw()
             raise
         self._rows.settled()
         return [*revised.provisional, *revised.final]

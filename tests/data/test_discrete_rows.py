@@ -38,7 +38,7 @@ def test_a_row_between_two_steps(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("bad", "reason"), [
     ("0.25,0.01,", "time must be a multiple of flow.dt = 0.1 after 0.2; got 0.25."),
-    ("0.2,0.02,", "time 0.2 is in the step of the row before, 0.2: in discrete time all samples"),
+    ("0.2,0.02,", "t must differ from row to row: two rows of 0.2 state a sample."),
 ])  # fmt: skip
 def test_a_row_between_two_steps_where_rows_may_be_late(
     tmp_path: Path, bad: str, reason: str

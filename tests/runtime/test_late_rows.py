@@ -85,7 +85,7 @@ def test_final_rows_are_those_of_rows_in_time(kind: str, shuffles: int) -> None:
 def test_a_row_that_comes_later_than_the_lag_changes_nothing() -> None:
     """The twin: left out, and the rows behind it are those without it."""
     observer, state, samples = recorded("set_membership")
-    k = next(k for k, row in enumerate(samples) if k > 4 and np.isfinite(row.y).any())  # type: ignore[call-overload]
+    k = next(k for k, row in enumerate(samples) if k > 4 and row.y is not None)
     replay, final = Replay(observer, state, LAG), []
     for sample in (*samples[:k], *samples[k + 1 : -2], samples[k], *samples[-2:]):
         if sample is samples[k]:
@@ -125,14 +125,54 @@ def test_a_row_that_an_observer_cannot_take_leaves_no_trace() -> None:
     assert numbers(final[0]) == numbers(final[1])
 
 
-def test_rows_of_one_time_are_refused_where_they_may_not_share_it() -> None:
+Y = np.array([1.0, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("row", "late"),
+    [
+        (Sample(1.0, y=Y), Sample(1.0, y=np.array([2.0, 3.0]))),
+        (Sample(1.0, jump=True), Sample(1.0, events=(1,))),
+        (Sample(1.0, u=np.zeros(1)), Sample(1.0, u=np.ones(1))),
+        (Sample(1.0, mode="open"), Sample(1.0, mode="closed")),
+    ],
+)
+def test_two_rows_of_one_time_that_contradict_each_other_are_refused(
+    row: Sample, late: Sample
+) -> None:
     rows = LateRows(LAG, may_repeat=False)
-    rows.insert(Sample(1.0), 0)
+    rows.insert(row, 0)
     rows.insert(Sample(2.0), 1)
-    with pytest.raises(ValueError, match=r"t must differ from row to row; 1\.0 stands twice"):
-        rows.insert(Sample(1.0), 2)
+    with pytest.raises(ValueError, match=r"t must differ from row to row: two rows of 1\.0 state"):
+        rows.insert(late, 2)
     assert [sample.t for sample in rows.samples] == [1.0, 2.0]
+    assert rows.samples[0] == row
     assert rows.insert(Sample(1.5), 3) is not None
+
+
+@pytest.mark.parametrize(
+    "late",
+    [
+        Sample(1.0, y=np.array([np.nan, 3.0])),
+        Sample(1.0, events=(0,), w=np.ones(1)),
+        Sample(1.0, u=np.zeros(1)),
+        Sample(1.0, mode="open"),
+    ],
+)
+def test_a_row_fills_what_another_of_its_time_leaves_open(late: Sample) -> None:
+    rows = LateRows(LAG, may_repeat=False)
+    rows.insert(Sample(1.0, y=Y, u=np.zeros(1)), 0)
+    rows.insert(Sample(2.0), 1)
+    arrival = rows.insert(late._replace(received=2.5), 2)
+    assert arrival is not None
+    assert (arrival.place, arrival.since, len(arrival.samples)) == (0, 0, 2)
+    both = arrival.samples[0]
+    assert both.y is not None
+    assert both.y.tolist()[0] == 1.0
+    assert (both.events, both.mode) == (late.events, late.mode)
+    rows.withdraw()
+    assert rows.samples[0].events == ()
+    assert rows.now == 2.0
 
 
 def test_a_row_leaves_when_none_before_it_can_come() -> None:

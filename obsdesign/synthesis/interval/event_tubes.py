@@ -157,7 +157,10 @@ def _certificate(
     if not system.gains.events:  # cells are parts of what events leave
         most = cells
     nodes_limit = min(budget.scaled(_NODES_SEARCHED), LARGEST_GRAPH)
-    while cells <= most and (nodes := graph_of(system, cells, nodes_limit)) is not None:
+    while cells <= most:
+        if (nodes := graph_of(system, cells, nodes_limit)) is None:
+            may_grow = system.gains.events and nodes_limit < LARGEST_GRAPH
+            return ended_by_count("nodes", int(nodes_limit)) if may_grow else {}
         for tube in proposed_tubes(nodes.graph, _added(nodes.graph), budget):
             if prove_graph(nodes.graph, tube.tolist(), budget).outcome == "proved":
                 return {"cells": cells, "tube": tube.tolist()}
