@@ -27,7 +27,7 @@ read before they are trusted: at most 500 lines of code each, with the inequalit
     {command}
 
 Exit code 0: proved. 1: not proved. 2: a design that they do not read. What they do not check, they
-say, rates and all sentences of the file for instance: `obsdesign verify design.json` proves them.
+say; `obsdesign verify design.json` proves all claims and sentences of the file.
 
 When this folder was written, they answered:
 

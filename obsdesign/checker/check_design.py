@@ -19,15 +19,16 @@ tend to zero for every sequence of them. Certificates are matrices P > 0 with
 
     Phi(T)' P Phi(T) < P      for every T in the range,  Phi(T) = e^(F T) H,
 
-or a P for each window of dwell times, or a vector. They stand in the file, whoever made them. Each
-jump then shrinks e' P e by a factor below 1 that serves for all T: a closed range is compact, and
-as T -> inf Phi(T) tends to zero, F being proved Hurwitz there. Between jumps |e^(F t)| is bounded,
-on t <= longest T or because F is Hurwitz: so e tends to zero at jumps, and between them.
+or a P for each window of dwell times. They stand in the file, whoever made them. Each jump then
+shrinks e' P e by a factor below 1 that serves for all T: a closed range is compact, and as T -> inf
+Phi(T) tends to zero, F being proved Hurwitz there. Between jumps |e^(F t)| is bounded, on
+t <= longest T or because F is Hurwitz: so e tends to zero at jumps, and between them.
 
 Inequalities X < Y between symmetric matrices say that Y - X is positive definite; X' is the
 transpose of X. Lyap(X) = F'X + XF is the derivative of e^(F't) X e^(Ft) at t = 0.
 
-Not here: whether the gains are those of the problem in the file, which check_gains.py compares.
+Not here: whether the gains are those of the problem in the file, which check_gains.py compares;
+widths, and stability proved by a vector, which check_widths.py proves.
 
 Exit code 0: proved. 1: not proved (which refutes nothing). 2: not a design that this program reads.
 Whatever goes wrong on the way raises an error, and an error never proves anything.
@@ -245,10 +246,11 @@ Advance = Callable[[Ball, Fraction], Fraction]
 
 
 class Flow:
-    """x' = F x: its maps e^(F t), and proofs along it."""
+    """x' = F x: its maps e^(F t), and proofs along it. Times are in units in which |F| is 1."""
 
     def __init__(self, F: Ball) -> None:
-        self.F = F
+        self.speed = Fraction(max(norm(F.x), 1), 1 << BITS)
+        self.F = F.scaled(1 / self.speed)
         self.maps: Dict[Fraction, Ball] = {}
         self.boxes = 0
 
@@ -264,7 +266,7 @@ class Flow:
         holds_from(E): at this t and all later ones. advance(E, length): on [t, t + u], with the u =
         length / 2^k that it returns, so that doubling u ends at length exactly.
         """
-        low, high = ends
+        low, high = (t * self.speed for t in ends)
         E = self.map(low).times(start)
         if not holds_from(E):
             length = self.time_of_tail(E, holds_from) if high == math.inf else high - low
@@ -426,48 +428,7 @@ def remainder_factor(h: Fraction, mu: Fraction, c: Fraction) -> Fraction:
     return Fraction(c * h ** (DEGREE + 1) / math.factorial(DEGREE + 1) * 3 ** math.ceil(mu * h))
 
 
-# 5. One vector inequality for a range of times ---------------------------------------------------
-
-
-class RowDecrease:
-    """r(t)' B < v' for a range of t, r(t)' = start' e^(K t): K Metzler, B, start >= 0, v > 0.
-
-    If r' <= g' and g' K <= mu g', then r(t + u)' <= g' e^(K u) <= e^(mu u) g' since e^(K u) >= 0;
-    so g' B <= q v' leaves r(t + u)' B <= q e^(mu u) v'. The least such q is max_i (g' B)_i / v_i.
-    A column holds r.
-    """
-
-    def __init__(self, K: Matrix, B: Matrix, v: Matrix) -> None:
-        self.K_transposed, self.B_transposed, self.v = transposed(K), transposed(B), v
-
-    def prove(self, start: Matrix, ends: Range) -> None:
-        """Prove it for all t of a range, or raise NotProved."""
-        Flow(ball(self.K_transposed)).prove_range(ball(start), ends, self.holds_from, self.advance)
-
-    def rates(self, row: Ball) -> Tuple[Fraction, Fraction]:
-        """(q, mu), exact, of g = r + radius + 1e-7 v, which has no zeros."""
-        tops = [[Fraction(a + row.radius, 1 << BITS) for a in entry] for entry in row.x]
-        g = total(tops, self.v, Fraction(1, 10**7))
-        demand(all(a > 0 for (a,) in g), "a row that must be positive is not")
-        q = max(a / b for (a,), (b,) in zip(product(self.B_transposed, g), self.v))
-        return q, max(a / b for (a,), (b,) in zip(product(self.K_transposed, g), g))
-
-    def holds_from(self, row: Ball) -> bool:
-        """Certify the inequality for all later times: q < 1 and mu <= 0."""
-        q, mu = self.rates(row)
-        return q < 1 and mu <= 0
-
-    def advance(self, row: Ball, length: Fraction) -> Fraction:
-        """Prove [0, u] by q e^x < 1, with e^x <= 1 + x + x^2 for x = mu u <= 1; return u."""
-        q, mu = self.rates(row)
-        demand(q < 1, "the vector inequality fails, or nearly fails, at some time in the range")
-        h = length
-        while mu > 0 and (mu * h > 1 or q * (1 + mu * h + (mu * h) ** 2) >= 1):
-            h /= 2
-        return h
-
-
-# 6. Windows of dwell times -----------------------------------------------------------------------
+# 5. Windows of dwell times -----------------------------------------------------------------------
 #
 # A window is taken at a jump. Offset 0 is the dwell time after this jump, -1 that before it. Cells
 # are half-open, a border belongs to the upper one; the inequalities are proved on their closures.
@@ -535,7 +496,7 @@ def edges_of(windows: Sequence[Cells], ends: Range, jitter: Time) -> List[Edge]:
     return edges
 
 
-# 7. Reading a design -----------------------------------------------------------------------------
+# 6. Reading a design -----------------------------------------------------------------------------
 
 # the entries that each block of a problem may have; plants with others are not checked
 PROBLEM = {
@@ -613,6 +574,8 @@ class Design:
         self.has_jumps = "G" in self.gains
         demand(self.has_jumps == ("jump" in self.problem), "problem and gains differ about jumps")
         self.evidence = keys_once([(entry["id"], entry["evidence"]) for entry in body["claims"]])
+        by_vector = any("vector" in entry for entry in self.evidence.values())
+        demand(not by_vector, "vectors are checked by check_widths.py")
         self.sizes: Dict[str, int] = {}
         self.n = len(self.array("A", "nn"))
         self.ends = interval(self.gains["dwell_time"] if self.has_jumps else [0, "inf"])
@@ -623,7 +586,7 @@ class Design:
         return array(self.gains[name], shape, self.sizes)
 
 
-# 8. The hypotheses that need no analysis: gains, signs, splits -----------------------------------
+# 7. The hypotheses that need no analysis: gains, signs, splits -----------------------------------
 
 
 def is_metzler(X: Matrix, slack: Fraction = Fraction(0)) -> bool:
@@ -694,7 +657,7 @@ def width_maps(design: Design) -> Tuple[Matrix, Optional[Matrix]]:
     return W, product(absolute(solution(S, S2)), N)
 
 
-# 9. Stability for every sequence of dwell times --------------------------------------------------
+# 8. Stability for every sequence of dwell times --------------------------------------------------
 
 
 def matrices(values: Any, shape: str, n: int) -> Balls:
@@ -702,6 +665,22 @@ def matrices(values: Any, shape: str, n: int) -> Balls:
     result: List[Matrix] = array(values, shape, {"n": n}) if values else []
     demand(all(transposed(X) == X for X in result), "a matrix of a certificate is not symmetric")
     return [ball(X) for X in result]
+
+
+def units(F: Matrix, H: Matrix) -> Matrix:
+    """D, diagonal, powers of two: for x = D z, D^-1 F D and D^-1 H D have like rows and columns.
+
+    Any D serves. In units that differ much, numbers of few bits bound little.
+    """
+    n, D = len(F), identity(len(F))
+    for i in [*range(n)] * 10:
+        speed = max(abs(a) * D[k][k] / D[j][j] for j in range(n) for k, a in enumerate(F[j]))
+        size = total(absolute(H), absolute(F), 1 / (speed or Fraction(1)))
+        row = sum(size[i][j] * D[j][j] for j in range(n) if j != i) / D[i][i]
+        column = sum(size[j][i] / D[j][j] for j in range(n) if j != i) * D[i][i]
+        if row and column:
+            D[i][i] *= Fraction(2) ** round(math.log2(row / column) / 2)
+    return D
 
 
 def prove_hurwitz(F: Matrix, candidates: Balls) -> None:
@@ -730,8 +709,6 @@ def prove_stability(design: Design, F: Matrix, H: Matrix, evidence: Table) -> No
         prove_hurwitz(F, P + tails)
     if P:
         prove_windows(F, H, edges, P, tails)
-    elif "vector" in evidence:
-        prove_vector(F, H, ends, evidence)
     else:
         demand(ends[0] == ends[1], "the file holds no certificate of stability")
         prove_one_dwell_time(F, H, ends[0])
@@ -753,7 +730,7 @@ def prove_windows(F: Matrix, H: Matrix, edges: List[Edge], P: Balls, tails: Ball
 
     So x' P_w x falls from jump to jump, w the window that the dwell times are in; T, between the
     two jumps, is at offset 0 of s and -1 of t. P may be smaller than F: with H = U V, V the rows of
-    its echelon form, V e^(F T) U has the same products.
+    its echelon form, V e^(F T) U has the same products. For x = D z it is V D, D^-1 F D, D^-1 U.
     """
     V, right = identity(len(F)), H
     if len(P[0].x) < len(F):
@@ -765,33 +742,17 @@ def prove_windows(F: Matrix, H: Matrix, edges: List[Edge], P: Balls, tails: Ball
     for now, after, low, high in edges:
         sources.setdefault((after, low, high), []).append(now)
     demand(bool(sources), "no window can follow another")
-    flow = Flow(ball(F))
+    D = units(F, H)
+    flow, right = Flow(ball(solution(D, product(F, D)))), solution(D, right)
+    V, tails = product(V, D), [between(ball(D), X) for X in tails]
     for (after, low, high), earlier in sources.items():
         inequality = Decrease(flow, between(ball(V), P[after]), [P[s] for s in earlier], tails)
         inequality.prove(ball(right), (low, high))
 
 
-def prove_vector(F: Matrix, H: Matrix, ends: Range, evidence: Table) -> None:
-    """One vector v > 0, for F Metzler and H >= 0, with M = e^(F T) H, or H e^(F T) after a jump:
-
-    v' Phi(T) < v' (left), or Phi(T) v < v (right), for all T.
-    """
-    v = [[a] for a in array(evidence["vector"], "n", {"n": len(F)})]
-    left = {"left": True, "right": False}[evidence["side"]]
-    before = {"before_jump": True, "after_jump": False}[evidence["form"]]
-    demand(all(a > 0 for (a,) in v), "the vector is not positive")
-    demand(is_metzler(F) and is_nonnegative(H), "the flow is not Metzler, or the jump negative")
-    if not left:  # the transposed inequality: v' Phi(T)' < v'
-        F, H = transposed(F), transposed(H)
-    if left == before:  # v' e^(F T) H < v'
-        RowDecrease(F, H, v).prove(v, ends)
-    else:  # v' H e^(F T) < v'
-        RowDecrease(F, identity(len(F)), v).prove(product(transposed(H), v), ends)
-
-
 def prove_one_dwell_time(F: Matrix, H: Matrix, T: Fraction) -> None:
     """Some power of the one map M = e^(F T) H has row sums below 1: M^k tends to zero."""
-    M = Flow(ball(F)).map(T).times(ball(H))
+    M = exponential(ball(F).scaled(T)).times(ball(H))
     for _ in range(MOST_HALVINGS):
         if norm(M.x) + len(F) * M.radius < 1 << BITS:
             return
@@ -818,15 +779,35 @@ def prove_schedule(design: Design, F: Matrix, evidence: Table) -> None:
     demand(len(P) == count and all(map(is_positive, P)), "a P is missing, or not positive definite")
     if highs[-1] == math.inf:
         prove_hurwitz(F, tails)
-    flow, unit = Flow(ball(F)), ball(identity(design.n))
+    D = units(F, design.array("G", "nn"))
+    flow, right = Flow(ball(solution(D, product(F, D)))), ball(solution(D, identity(design.n)))
+    tails = [between(ball(D), X) for X in tails]
     for j, M in enumerate(gains):
         gaps = [max(a - highs[j], lows[j] - b) for a, b in zip(lows, highs)]
         sources = [X for gap, X in zip(gaps, P) if gap <= design.jitter]
-        target = between(ball(error_maps(design, M)[1] or []), P[j])  # jumps exist: never []
-        Decrease(flow, target, sources, tails).prove(unit, (lows[j], highs[j]))
+        H = error_maps(design, M)[1] or []  # jumps exist: never []
+        target = between(ball(product(H, D)), P[j])
+        Decrease(flow, target, sources, tails).prove(right, (lows[j], highs[j]))
 
 
-# 10. The verdict ---------------------------------------------------------------------------------
+def prove_rates(design: Design, F: Matrix, H: Matrix) -> str:
+    """Prove how fast the error shrinks; return it in words. By one P, or the P of windows, each:
+
+    Phi(T)' P Phi(T) < g^2 P: at each jump by the factor g; it is Phi(T)' P Phi(T) < P for H / g.
+    Phi(T)' P Phi(T) < e^(-2 r T) P: like e^(-r t); the same for F + r I.
+    """
+    stated, stability = design.evidence["rates"], design.evidence["dwell_stability"]
+    factor, rate = number(stated["per_jump"]), time(stated["in_time"])
+    demand(0 < factor < 1, "a factor per jump is between 0 and 1")
+    shrunk = [[a / factor for a in row] for row in H]
+    faster = total(F, identity(design.n), rate)
+    for name, own_F, own_H in (("per_jump", F, shrunk), ("in_time", faster, H)):
+        own = {"P": stated[f"P_{name}"]} if f"P_{name}" in stated else {}
+        prove_stability(design, own_F, own_H, {**stability, **own})
+    return f"to at most {float(factor)!r} of itself and like e^(-{float(rate)!r} t)"
+
+
+# 9. The verdict ---------------------------------------------------------------------------------
 
 
 def prove_design(design: Design) -> List[str]:
@@ -860,6 +841,10 @@ def prove_design(design: Design) -> List[str]:
         proved += [name, "hurwitz"] if high == math.inf else [name]  # late times need both
         decay = f"decays like e^(-{float(shift)!r} t)" if shift else "tends to zero"
         sentences.append(f"proved: without inputs the {quantity} {decay}{when}")
+    if H is not None and "rates" in design.evidence and "M_cells" not in design.gains:
+        shrinks = prove_rates(design, F, H)
+        sentences.append(f"proved: from jump to jump it shrinks, in some norms, {shrinks}")
+        proved.append("rates")
     others = ascii(sorted({*design.evidence} - {*proved}))
     return [*sentences, f"not checked: {others}, options, and any sentence of the file"]
 

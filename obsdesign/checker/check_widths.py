@@ -215,10 +215,11 @@ Advance = Callable[[Ball, Fraction], Fraction]
 
 
 class Flow:
-    """x' = F x: its maps e^(F t), and proofs along it."""
+    """x' = F x: its maps e^(F t), and proofs along it. Times are in units in which |F| is 1."""
 
     def __init__(self, F: Ball) -> None:
-        self.F = F
+        self.speed = Fraction(max(norm(F.x), 1), 1 << BITS)
+        self.F = F.scaled(1 / self.speed)
         self.maps: Dict[Fraction, Ball] = {}
         self.boxes = 0
 
@@ -234,7 +235,7 @@ class Flow:
         holds_from(E): at this t and all later ones. advance(E, length): on [t, t + u], with the u =
         length / 2^k that it returns, so that doubling u ends at length exactly.
         """
-        low, high = ends
+        low, high = (t * self.speed for t in ends)
         E = self.map(low).times(start)
         if not holds_from(E):
             length = self.time_of_tail(E, holds_from) if high == math.inf else high - low
@@ -293,29 +294,30 @@ def exponential(Y: Ball) -> Ball:
 
 
 class Path:
-    """X u(t) < bound for a range of t, where u' = W u + f from u(0) = start.
+    """X u(t) < (1, ..., 1)' for a range of t, where u' = W u + f from u(0) = start.
 
-    W Metzler, f >= 0, start > 0, X >= 0. y = (u, 1) obeys y' = Z y, and a ball holds y(t).
+    W Metzler, f >= 0, start >= 0, X >= 0. y = (u, 1) obeys y' = Z y, and a ball holds y(t). W, f
+    and times are in the units of the flow.
     """
 
     def __init__(self, W: Matrix, f: Matrix, start: Matrix) -> None:
-        demand(is_metzler(W) and is_nonnegative(f), "the system is not positive")
-        demand(all(a > 0 for (a,) in start), "the tube is not positive")
-        self.W, self.f, self.start, zeros = W, f, start, [[Fraction(0)] * (len(W) + 1)]
+        is_positive = is_metzler(W) and is_nonnegative(f) and is_nonnegative(start)
+        demand(is_positive, "the system is not positive")
+        self.remainders: Dict[Fraction, Matrix] = {}
+        self.start, zeros = start, [[Fraction(0)] * (len(W) + 1)]
         self.flow = Flow(ball([row + a for row, a in zip(W, f)] + zeros))
-        self.shapes = shapes(W, start)
+        self.W, self.f = ([[a / self.flow.speed for a in row] for row in X] for X in (W, f))
 
-    def prove(self, X: Matrix, bound: Matrix, ends: Range) -> None:
-        """Prove X u(t) < bound for all t of a range, or raise NotProved."""
+    def prove(self, X: Matrix, ends: Range) -> None:
+        """Prove X u(t) < (1, ..., 1)' for all t of a range, or raise NotProved."""
         demand(is_nonnegative(X), "the system is not positive")
-        self.X, self.bound = X, bound
-        self.resting = [resting_point(self.W, self.f, X, bound)] if ends[1] == math.inf else []
-        self.flow.boxes = 0
+        self.X, self.remainders = X, {}
+        self.resting = [resting_point(self.W, self.f, X, self.start)] if ends[1] == math.inf else []
         y = ball([*self.start, [Fraction(1)]])
         self.flow.prove_range(y, ends, self.holds_from, self.advance)
 
     def holds_from(self, y: Ball) -> bool:
-        """Certify X u < bound at all later times: u <= z, W z + f <= 0 and X z < bound.
+        """Certify X u < 1 at all later times: u <= z, W z + f <= 0 and X z < 1.
 
         Such a z bounds all later u: the solution from z falls. z may be u itself.
         """
@@ -323,7 +325,7 @@ class Path:
         return any(
             is_at_most(u, z)
             and all(a <= 0 for (a,) in total(product(self.W, z), self.f))
-            and is_below(product(self.X, z), self.bound)
+            and all(a < 1 for (a,) in product(self.X, z))
             for z in [u, *self.resting]
         )
 
@@ -336,35 +338,28 @@ class Path:
         derivatives.append(W.times(derivatives[0]).plus(ball(self.f)))
         while len(derivatives) < DEGREE + 2:
             derivatives.append(W.times(derivatives[-1]))
-        rows = [X.times(each) for each in derivatives[:-1]]
-        last = [[abs(a) + derivatives[-1].radius for a in entry] for entry in derivatives[-1].x]
+        rows, last = [X.times(each) for each in derivatives[:-1]], derivatives[-1]
+        size = tops(Ball([[abs(a) for a in entry] for entry in last.x], last.radius))
         h = length
-        for _ in range(MOST_HALVINGS if is_below(tops(rows[0]), self.bound) else 0):
-            if self.is_box(rows, tops(Ball(last, 0)), h):
+        for _ in range(MOST_HALVINGS if all(a < 1 for (a,) in tops(rows[0])) else 0):
+            if self.is_box(rows, size, h):
                 return h
             h /= 2
-        raise NotProved("the bound of the width fails, or nearly fails, at some time in the range")
+        raise NotProved("the inequality fails, or nearly fails, at some time in the range")
 
     def is_box(self, rows: List[Ball], last: Matrix, h: Fraction) -> bool:
-        """Certify X u(t + s) < bound for all s in [0, h].
+        """Certify X u(t + s) < 1 for all s in [0, h].
 
         rows: X u, X u', X u'', ... at t, up to the derivative d = DEGREE; last >= |u^(d+1)(t)|.
-        X u(t + s) is sum_k s^k / k! X u^(k), k <= d, plus the integral of
-        (s - r)^d / d! X u^(d+1)(t + r) over r in [0, s], where u^(d+1)(t + r) = e^(W r) u^(d+1)(t)
-        is at most e^(W r) last. If last <= c q, W q <= mu q for a q > 0, mu >= 0, then
-        e^(W r) last <= c e^(mu r) q: the integral is at most c X q h^(d+1) / (d+1)! 3^m, m whole,
-        m >= mu h. A polynomial sum_k a_k (s/h)^k is on [0, h] an average of its Bernstein
-        coefficients sum_{k<=i} C(i,k) / C(d,k) a_k, i = 0 .. d, here with a_k = h^k / k! X u^(k).
+        X u(t + s) is sum_k s^k / k! X u^(k), k <= d, plus a remainder (`remainder_map`). A
+        polynomial sum_k a_k (s/h)^k is on [0, h] an average of its Bernstein coefficients
+        sum_{k<=i} C(i,k) / C(d,k) a_k, i = 0 .. d, here with a_k = h^k / k! X u^(k).
         """
-        remainders = []
-        for q, mu in self.shapes:
-            if mu * h <= 8:
-                c = max(a / b for (a,), (b,) in zip(last, q)) * 3 ** math.ceil(mu * h)
-                c *= h ** (DEGREE + 1) / math.factorial(DEGREE + 1)
-                remainders.append([c * a for (a,) in product(self.X, q)])
-        if not remainders:
+        if h not in self.remainders:
+            self.remainders[h] = self.remainder_map(h)
+        if not self.remainders[h]:
             return False
-        room = [[b - min(each)] for (b,), *each in zip(self.bound, *remainders)]
+        room = [[1 - a] for (a,) in product(self.remainders[h], last)]
         a = [X.scaled(h**k / math.factorial(k)) for k, X in enumerate(rows)]
         for i in range(DEGREE, -1, -1):
             coefficient = a[0]
@@ -375,46 +370,39 @@ class Path:
                 return False
         return True
 
+    def remainder_map(self, h: Fraction) -> Matrix:
+        """K with: the Taylor remainder of X u on [0, h] is at most K last; empty if none is known.
 
-def shapes(W: Matrix, start: Matrix) -> List[Tuple[Matrix, Fraction]]:
-    """Some q > 0, each with a mu >= 0 that has W q <= mu q: exact, whatever q is.
+        It is the integral of (s - r)^d / d! X u^(d+1)(t + r) over r in [0, s], s <= h, d = DEGREE,
+        where u^(d+1)(t + r) = e^(W r) u^(d+1)(t) is at most e^(W r) last: e^(W r) >= 0. If
+        R = (I/h - W)^-1 >= 0, then e^(W r - r/h) R last >= 0 has the slope -e^(W r - r/h) last:
+        the integral of this over [0, h] is at most R last, that of e^(W r) last at most e R last.
+        So K = 3 h^d / d! X R, rounded up. (If R is not >= 0, the flow grows: h is too long.)
+        """
+        unit = identity(len(self.W))
+        shifted = difference([[a / h for a in row] for row in unit], self.W)
+        rows, pivots = echelon([a + b for a, b in zip(shifted, unit)])
+        R = [row[len(unit) :] for row in rows]
+        if pivots != [*range(len(unit))] or not is_nonnegative(R):
+            return []
+        factor = 3 * h**DEGREE / math.factorial(DEGREE)
+        return tops(ball([[factor * a for a in row] for row in product(self.X, R)]))
 
-    Besides the start: q = (s I - W)^-1 (1, ..., 1)' for some s >= 0, where it is positive; it has
-    W q = s q - (1, ..., 1)'. q is rounded to doubles.
+
+def resting_point(W: Matrix, f: Matrix, X: Matrix, start: Matrix) -> Matrix:
+    """z with W z + f < 0 and X z < (1, ..., 1)', for a Hurwitz W; NotProved if there is none.
+
+    A Metzler W is Hurwitz if and only if p = -W^-1 b > 0 for a b > 0. With e = -W^-1 f, to which u
+    tends, z = e + c p has W z + f = -c b, and any c > 0 with X z < 1 serves. b has the shape of the
+    start, so that u is soon below z.
     """
-    n, result = len(W), []  # type: Tuple[int, List[Tuple[Matrix, Fraction]]]
-    speed = max(abs(a) for row in W for a in row) or Fraction(1)
-    candidates = [start]
-    for s in [Fraction(0)] + [speed / 4**k for k in range(8)]:
-        try:
-            q = solution(
-                difference([[s * a for a in row] for row in identity(n)], W),
-                column([Fraction(1)] * n),
-            )
-        except NotProved:
-            continue
-        candidates.append([[Fraction(float(a))] for (a,) in q])
-    for q in candidates:
-        if all(a > 0 for (a,) in q):
-            mu = max(a / b for (a,), (b,) in zip(product(W, q), q))
-            result.append((q, max(mu, Fraction(0))))
-    return result
-
-
-def resting_point(W: Matrix, f: Matrix, X: Matrix, bound: Matrix) -> Matrix:
-    """z with W z + f < 0 and X z < bound, W Hurwitz; NotProved if there is none, or W is not.
-
-    A Metzler W is Hurwitz if and only if p = -W^-1 (1, ..., 1)' > 0. With e = -W^-1 f, to which u
-    tends, z = e + c p has W z + f = -c (1, ..., 1)', and any c > 0 with X z < bound serves.
-    """
-    ones = column([Fraction(1)] * len(W))
-    minus_W = difference(difference(W, W), W)
-    p, e = solution(minus_W, ones), solution(minus_W, f)
-    demand(all(a > 0 for (a,) in p), "the flow of the width is not proved to decay")
-    gaps = zip(difference(bound, product(X, e)), product(X, p))
-    demand(is_below(product(X, e), bound), "the bound is below the width that a flow tends to")
-    c = min((gap / a / 2 for (gap,), (a,) in gaps if a), default=Fraction(1))
-    return [[a + c * b] for (a,), (b,) in zip(e, p)]
+    minus_W, b = difference(difference(W, W), W), [[a + Fraction(1, 2**20)] for (a,) in start]
+    p, e = solution(minus_W, b), solution(minus_W, f)
+    demand(all(a > 0 for (a,) in p), "the flow is not proved to decay")
+    pairs = list(zip(product(X, e), product(X, p)))
+    demand(all(a < 1 for (a,), _ in pairs), "what the flow tends to is too large")
+    c = min(((1 - a) / b / 2 for (a,), (b,) in pairs if b), default=Fraction(1))
+    return total(e, p, c)
 
 
 # 5. Reading a design -----------------------------------------------------------------------------
@@ -482,8 +470,8 @@ class Design:
         digest = "sha256:" + hashlib.sha256(canonical.encode("utf-8")).hexdigest()
         demand(body["digest"] == digest, "the digest is not that of the content")
         is_design = body["format"] == "obsdesign/design" and repr(body["version"]) == "1"
-        demand(is_design and body["kind"] == "interval", "no design of this kind")
-        self.gains, self.problem = body["gains"], body["problem"]
+        demand(is_design and body["kind"] in ("interval", "luenberger"), "no design of these kinds")
+        self.kind, self.gains, self.problem = body["kind"], body["gains"], body["problem"]
         known = {"name", "names", "observer", *PROBLEM}
         demand({*self.problem} <= known, "plants with other blocks are not checked")
         for place, names in PROBLEM.items():
@@ -494,7 +482,10 @@ class Design:
         self.has_jumps = "G" in self.gains
         demand(self.has_jumps == ("jump" in self.problem), "problem and gains differ about jumps")
         self.evidence = keys_once([(entry["id"], entry["evidence"]) for entry in body["claims"]])
-        demand(bool({"width", "sampled_width"} & {*self.evidence}), "no width is claimed")
+        self.vectors = [name for name, entry in self.evidence.items() if "vector" in entry]
+        claimed = {"width", "sampled_width", *self.vectors} & {*self.evidence}
+        demand("M_cells" not in self.gains, "gains by cells of dwell times are not checked")
+        demand(bool(claimed), "neither a width is claimed nor a vector proposed")
         self.sizes: Dict[str, int] = {}
         self.n = len(self.array("A", "nn"))
         self.ends = interval(self.gains["dwell_time"] if self.has_jumps else [0, "inf"])
@@ -565,6 +556,11 @@ class System(NamedTuple):
     out: Matrix
 
 
+def in_units(X: Matrix, rows: Matrix, columns: Matrix) -> Matrix:
+    """X_ij columns_j / rows_i: the same map, of vectors that are measured in these units."""
+    return [[a * c / r for a, (c,) in zip(row, columns)] for row, (r,) in zip(X, rows)]
+
+
 def width_system(design: Design) -> System:
     """The system of the width, and the signs that it rests on.
 
@@ -605,7 +601,7 @@ def width_system(design: Design) -> System:
     return System(W, f, product(back, product(N, there)), product(back, h), absolute(S))
 
 
-def sampled_system(design: Design, system: System, limit: Fraction) -> System:
+def with_samples(design: Design, system: System, v: Matrix, limit: Fraction) -> System:
     """The system of the width if y is known at samples alone, at most `limit` apart.
 
     Between samples y is bounded by what the plant makes of the box at the sample, of width r(0):
@@ -617,52 +613,66 @@ def sampled_system(design: Design, system: System, limit: Fraction) -> System:
 
         w' <= W w + f + |L| (s1 diag(e) w + s0).
 
-    All in coordinates z: A, C, L stand for S^-1 A S, C S, S^-1 L.
+    All in coordinates z: A, C, L stand for S^-1 A S, C S, S^-1 L; w, r are measured in units of v,
+    and each s in units in which it is of the size of r.
     """
     n, S = design.n, design.array("S", "nn") if "S" in design.gains else identity(design.n)
     A, C = solution(S, product(design.array("A", "nn"), S)), product(design.array("C", "pn"), S)
     X, box = design.disturbance("", "b")
     d, L = product(absolute(solution(S, X)), box), absolute(solution(S, design.array("L", "np")))
     metzler = [[a if i == j else abs(a) for j, a in enumerate(row)] for i, row in enumerate(A)]
-    p, CA, C = len(C), absolute(product(C, A)), absolute(C)
-    zeros = [Fraction(0)] * p
-    Z = [r + zeros + a for r, a in zip(metzler, d)]
-    Z += [r + zeros + a for r, a in zip(CA, product(C, d))]
-    E = tops(exponential(ball([*Z, [Fraction(0)] * (n + p + 1)]).scaled(limit)))
-    s1, s0 = [row[:n] for row in E[n:-1]], [row[-1:] for row in E[n:-1]]
+    r_columns, ones = [*v, [Fraction(1)]], column([Fraction(1)] * len(C))
+    r = in_units([row + a for row, a in zip(metzler, d)], v, r_columns)
+    pairs = zip(absolute(product(C, A)), product(absolute(C), d))
+    s = in_units([row + a for row, a in pairs], ones, r_columns)
+    units = column([limit * largest([row]) or Fraction(1) for row in s])
+    s = in_units(s, units, column([Fraction(1)] * (n + 1)))
+    zeros = [Fraction(0)] * len(C)
+    Z = [row[:n] + zeros + row[n:] for row in r + s] + [[Fraction(0)] * (n + 1) + zeros]
+    E, L = tops(exponential(ball(Z).scaled(limit)))[n:-1], in_units(L, v, units)
     slow = [
-        [-min(system.W[i][i], Fraction(0)) * a for a in row] for i, row in enumerate(identity(n))
+        [-min(a, Fraction(0)) if i == j else Fraction(0) for j, a in enumerate(row)]
+        for i, row in enumerate(system.W)
     ]
-    late = tops(exponential(ball(slow).scaled(limit)))
-    more = product(L, [[a * late[i][i] for i, a in enumerate(row)] for row in s1])
-    return system._replace(W=total(system.W, more), f=total(system.f, product(L, s0)))
+    late = product([row[:n] for row in E], tops(exponential(ball(slow).scaled(limit))))
+    W, f = total(system.W, product(L, late)), total(system.f, product(L, [row[-1:] for row in E]))
+    return system._replace(W=W, f=f)
 
 
-# 7. Widths ---------------------------------------------------------------------------------------
+# 7. Widths, and vectors that prove stability -----------------------------------------------------
 
 
-def read_vectors(evidence: Table, names: str, n: int) -> List[Matrix]:
-    """Vectors of a certificate."""
-    return [column(array(evidence[name], "n", {"n": n})) for name in names.split()]
+def prove_width(design: Design, system: System, evidence: Table, limit: Time) -> str:
+    """Prove the widths that a claim states; return them in words.
 
-
-def prove_width(system: System, ends: Range, evidence: Table) -> str:
-    """Prove the widths that a claim states; return them in words."""
+    limit: of the times between samples; infinite where those are not used, or y is continuous.
+    Widths z_j are measured in units of the largest that `always` allows, min_i always_i / |S_ij|.
+    """
+    n, unit, columns = design.n, [[Fraction(1)]], transposed(system.out)
+    v, always = vectors(evidence, "tube always", n)
+    demand(all(a > 0 for (a,) in v + always), "the tube, or a bound, is not positive")
+    size = column([min(a / b for (a,), b in zip(always, each) if b) for each in columns])
+    W, N, out = in_units(system.W, size, size), in_units(system.N, size, size), system.out
+    f, h, v = (in_units(x, size, unit) for x in (system.f, system.h, v))
+    system = System(W, f, N, h, in_units(out, column([Fraction(1)] * n), size))
+    if limit < math.inf:
+        system = with_samples(design, system, size, limit)
     W, f, N, h, out = system
     if not N:
-        v, always = read_vectors(evidence, "tube always", len(W))
-        demand(all(a > 0 for (a,) in v), "the tube is not positive")
-        is_tube = is_metzler(W) and is_nonnegative(f) and is_at_most(product(out, v), always)
-        demand(is_tube and all(a < 0 for (a,) in total(product(W, v), f)), "W v + f < 0 fails")
+        demand(is_metzler(W) and is_nonnegative(f), "the system is not positive")
+        demand(all(a < 0 for (a,) in total(product(W, v), f)), "W v + f < 0 fails")
+        demand(is_at_most(product(out, v), always), "the bound is below the tube")
         return f"the width comes to at most {words(always)}"
-    v, after, before, always = read_vectors(evidence, "tube after_jump before_jump always", len(W))
-    demand(is_nonnegative(N) and is_nonnegative(h), "the jump of the width is not nonnegative")
+    after, before = vectors(evidence, "after_jump before_jump", n)
+    demand(is_nonnegative(h), "the jump of the width is not nonnegative")
     demand(is_at_most(product(out, v), after), "the bound after jumps is below the tube")
+    ones = column([Fraction(1)] * n)
     path = Path(W, f, v)
-    path.prove(N + out, difference(v, h) + before, ends)
-    path.prove(out, always, (Fraction(0), ends[1]))
+    jumps = in_units(N, difference(v, h), ones)  # N u < v - h
+    path.prove(jumps + in_units(out, before, ones), design.ends)
+    path.prove(in_units(out, always, ones), (Fraction(0), design.ends[1]))
     for row in evidence.get("constant_dwell", []):
-        prove_constant_dwell(system, ends, row)
+        prove_constant_dwell(system, design.ends, row)
     return (
         f"the width comes, as jumps go on, to at most {words(after)} after a jump, {words(before)} "
         f"before one and {words(always)} at any time"
@@ -672,28 +682,49 @@ def prove_width(system: System, ends: Range, evidence: Table) -> str:
 def prove_constant_dwell(system: System, ends: Range, row: Table) -> None:
     """Widths that one dwell time T leads to, before and after jumps and on average.
 
-    (u, 1, m) with m' = u turns (a, 1, 0) into (E a + g, 1, K a + k) over T. Before jumps the width
-    tends to the solution of w = E (N w + h) + g, since all products of E N vanish (the tube).
-    Larger E, g, upper ends, make it larger: to b >= 0 with E (N b + h) + g = b. Its average over T
-    is that of K (N b + h) + k, divided by T.
+    In units of T, (u, 1, m) with m' = u turns (a, 1, 0) into (E a + g, 1, K a + k). Before jumps
+    the width tends to the solution of w = E (N w + h) + g, since products of E N vanish (the tube).
+    Larger E, g, upper ends, make it larger: to b >= 0 with E (N b + h) + g = b. The average over T
+    is at most K (N b + h) + k.
     """
     W, f, N, h, out = system
     n, T = len(W), time(row["dwell_time"])
     demand(ends[0] <= T <= ends[1] and 0 < T < math.inf, "a constant dwell time is out of range")
-    Z = [r + a + [Fraction(0)] * n for r, a in zip(W, f)] + [[Fraction(0)] * (2 * n + 1)]
-    whole = tops(
-        exponential(ball(Z + [r + [Fraction(0)] * (n + 1) for r in identity(n)]).scaled(T))
-    )
+    Z = [[a * T for a in r + b] + [Fraction(0)] * n for r, b in zip(W, f)]
+    Z += [[Fraction(0)] * (2 * n + 1)] + [r + [Fraction(0)] * (n + 1) for r in identity(n)]
+    whole = tops(exponential(ball(Z)))
     E, g = [r[:n] for r in whole[:n]], [r[n : n + 1] for r in whole[:n]]
     b = solution(difference(identity(n), product(E, N)), total(product(E, h), g))
+    demand(is_nonnegative(b), "no limit of the width was shown")
     after = total(product(N, b), h)
     mean = product([r[: n + 1] for r in whole[n + 1 :]], [*after, [Fraction(1)]])
-    limits = [b, after, [[a / T] for (a,) in mean]]
-    demand(is_nonnegative(b), "no limit of the width was shown")
-    for limit, stated in zip(limits, read_vectors(row, "before_jump after_jump mean", n)):
+    for limit, stated in zip((b, after, mean), vectors(row, "before_jump after_jump mean", n)):
         demand(
             is_at_most(product(out, limit), stated), "a width at a constant dwell time is larger"
         )
+
+
+def prove_vector(F: Matrix, H: Matrix, ends: Range, evidence: Table) -> None:
+    """Stability by one vector v > 0, for F Metzler and H >= 0: with M = e^(F T) H, or H e^(F T),
+
+    v' M < v' (left), or M v < v (right), for all T. So products of M shrink v' x, or the largest
+    x_i / v_i, for every x >= 0. In units of v: a path from (1, ..., 1)', or from H (1, ..., 1)'.
+    """
+    v = column(array(evidence["vector"], "n", {"n": len(F)}))
+    left = {"left": True, "right": False}[evidence["side"]]
+    before = {"before_jump": True, "after_jump": False}[evidence["form"]]
+    demand(all(a > 0 for (a,) in v), "the vector is not positive")
+    if left:  # the transposed inequality: M' v < v
+        F, H = transposed(F), transposed(H)
+    F, H, ones = in_units(F, v, v), in_units(H, v, v), column([Fraction(1)] * len(F))
+    demand(is_nonnegative(H), "the jump is not nonnegative")
+    start, X = (ones, H) if left == before else (product(H, ones), identity(len(F)))
+    Path(F, difference(ones, ones), start).prove(X, ends)
+
+
+def vectors(evidence: Table, names: str, n: int) -> List[Matrix]:
+    """Vectors of a certificate."""
+    return [column(array(evidence[name], "n", {"n": n})) for name in names.split()]
 
 
 def words(v: Matrix) -> str:
@@ -705,29 +736,51 @@ def words(v: Matrix) -> str:
 
 
 def prove_design(design: Design) -> List[str]:
-    """Prove what this program knows of a design; return sentences: what was proved, what not."""
-    system, proved, sentences = width_system(design), [], []  # type: Tuple[System, List[str], Any]
+    """Prove what this program knows of a design; return sentences: what was proved, what not.
+
+    Only claims that were proved in this run are left out of what was not checked. F + r I has the
+    maps e^(F T) H e^(r T): if their products tend to zero, so does e^(r t) e(t).
+    """
+    sentences, proved, quantity = [], [], "error"  # type: Tuple[List[str], List[str], str]
+    F, H = error_maps(design, design.array("M", "np"))
     low, high = map(float, design.ends)
     end = "inf)" if high == math.inf else f"{high!r}]"
-    when = f", for every sequence of dwell times in [{low!r}, {end}" if design.has_jumps else ""
-    for claim in ("width", "sampled_width"):
-        if claim not in design.evidence:
-            continue
-        evidence, known, sampled = design.evidence[claim], f"y measured {design.measured}", system
-        if claim == "sampled_width":
-            demand(design.measured == "continuous", "samples are those of a continuous y")
-            stated = evidence["step_limit"]
-            limit, own = time(stated), time(design.gains.get("step_limit", stated))
-            demand(0 < limit == own, "the step limit is not that of the gains")
-            known = f"samples at most {float(limit)!r} apart"
-            if largest(design.array("L", "np")):  # otherwise samples are used at jumps alone
-                sampled = sampled_system(design, system, limit)
-        sentences.append(
-            f"proved: with {known}, {prove_width(sampled, design.ends, evidence)}{when}"
-        )
-        proved.append(claim)
+    when = f", for every sequence of dwell times in [{low!r}, {end}" if H else ""
+    if design.kind == "interval":
+        system, quantity = width_system(design), "width of the bounds"
+        F, H = system.W, system.N
+        sentences.append("proved: the signs that the bounds rest on")
+        proved += ["flow_positive", "jump_positive"] if H else ["flow_positive"]
+        if "width" in design.evidence:
+            widths = prove_width(design, system, design.evidence["width"], math.inf)
+            sentences.append(f"proved: with y measured {design.measured}, {widths}{when}")
+        if "sampled_width" in design.evidence:
+            limit = step_limit(design, design.evidence["sampled_width"])
+            widths = prove_width(design, system, design.evidence["sampled_width"], limit)
+            apart = f"samples at most {float(limit)!r} apart"
+            sentences.append(f"proved: with {apart}, {widths}{when}")
+        proved += ["width", "sampled_width"]
+    rate = Fraction(time(design.problem["observer"].get("decay_rate", 0)))
+    demand((rate > 0) == ("decay_rate" in design.evidence), "decay_rate: option or claim is alone")
+    for claim, shift in (("dwell_stability", Fraction(0)), ("decay_rate", rate)):
+        if claim in design.vectors:
+            shifted = total(F, identity(design.n), shift)
+            prove_vector(shifted, H or [], design.ends, design.evidence[claim])
+            decay = f"decays like e^(-{float(shift)!r} t)" if shift else "tends to zero"
+            sentences.append(f"proved: without inputs the {quantity} {decay}{when}")
+            proved += [claim, "hurwitz"] if high == math.inf else [claim]
     others = ascii(sorted({*design.evidence} - {*proved}))
     return [*sentences, f"not checked: {others}, options, and any sentence of the file"]
+
+
+def step_limit(design: Design, evidence: Table) -> Time:
+    """The longest time between samples that a claim is about; infinite if L = 0 uses none."""
+    demand(design.measured == "continuous", "samples are those of a continuous y")
+    stated = evidence["step_limit"]
+    limit, own = time(stated), time(design.gains.get("step_limit", stated))
+    demand(0 < limit == own, "the step limit is not that of the gains")
+    demand(limit < math.inf or not largest(design.array("L", "np")), "L needs a step limit")
+    return limit
 
 
 def main(path: str) -> int:

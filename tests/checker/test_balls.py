@@ -218,30 +218,6 @@ def test_a_range_is_covered_without_gaps() -> None:
         assert math.isclose(end, start, rel_tol=1e-12)
 
 
-def test_rows_are_bounded_from_above(rng: np.random.Generator) -> None:
-    K, B = [[Fraction(-1), Fraction(1)], [Fraction(2), Fraction(-3)]], check.identity(2)
-    v = [[Fraction(1)], [Fraction(2)]]
-    inequality = check.RowDecrease(K, B, v)
-    row = check.Ball([[1 << check.BITS], [3 << check.BITS]], 1 << (check.BITS - 1))
-    q, _ = inequality.rates(row)
-    for r in corners(row, rng, 8):
-        assert all(a <= q * b for (a,), (b,) in zip(r, v, strict=True))
-    assert q < Fraction(18, 10)
-
-
-def test_rates_of_a_row_and_when_it_is_settled() -> None:
-    """K = [[k]], B = [[1]], v = 1, r = 1/2: q = 1/2 and mu = k, but for the lift of 1e-7."""
-    one = [[Fraction(1)]]
-    for k, settled in ((Fraction(-1, 3), True), (Fraction(0), True), (Fraction(1, 3), False)):
-        inequality = check.RowDecrease([[k]], one, one)
-        row = check.ball([[Fraction(1, 2)]])
-        q, mu = inequality.rates(row)
-        assert mu == k
-        assert Fraction(1, 2) < q < Fraction(1, 2) + Fraction(1, 10**6)
-        assert inequality.holds_from(row) == settled
-    assert not check.RowDecrease([[Fraction(-1)]], [[Fraction(3)]], one).holds_from(row)
-
-
 def test_the_series_is_cut_where_it_may_be() -> None:
     """At 256 bits, for row sums above 1/2, which are halved first."""
     for value in (Fraction(9, 10), Fraction(3, 5), Fraction(-19, 20)):

@@ -23,6 +23,7 @@ from tests.systems.checked import (
     changed,
     evidence,
     exit_code,
+    point_design,
 )
 
 Change = Callable[[dict[str, Any]], object]
@@ -241,72 +242,43 @@ def test_tails_are_hints_alone() -> None:
         assert exit_code(changed(false, certificate("tails", tails)), check_design) == 1
 
 
-def system(F: Any, H: Any, ends: Any, proof: dict[str, Any]) -> dict[str, Any]:
-    """The design of a plant whose error is (F, H), with evidence that may prove nothing."""
-    document = copy.deepcopy(body("point"))
-    n = len(F)
-    zeros = [[0.0]] * n
-    for block in (document["problem"]["flow"], document["gains"]):
-        block["A"] = F
-    for block in (document["problem"]["jump"], document["gains"]):
-        block["G"], block["dwell_time"] = H, ends
-    for block in (document["problem"]["output"], document["gains"]):
-        block["C"] = [[0.0] * n]
-    document["gains"].update(L=zeros, M=zeros)
-    evidence(document).clear()
-    evidence(document).update(proof)
-    return changed(document, lambda d: None)
-
-
 def test_a_flow_that_grows_is_no_observer_although_P_falls() -> None:
     """H removes the state that grows: products vanish, and inputs between jumps do not."""
     unit, H = [[1.0, 0.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.5]]
     grows, falls = [[0.1, 0.0], [0.0, -1.0]], [[-0.1, 0.0], [0.0, -1.0]]
-    assert exit_code(system(grows, H, [0.5, 3.0], {"P": unit}), check_design) == 0
-    assert exit_code(system(grows, H, [0.5, "inf"], {"P": unit}), check_design) == 1
-    assert exit_code(system(falls, H, [0.5, "inf"], {"P": unit}), check_design) == 0
+    assert exit_code(point_design(grows, H, [0.5, 3.0], {"P": unit}), check_design) == 0
+    assert exit_code(point_design(grows, H, [0.5, "inf"], {"P": unit}), check_design) == 1
+    assert exit_code(point_design(falls, H, [0.5, "inf"], {"P": unit}), check_design) == 0
 
 
 def test_equality_is_not_less() -> None:
     one = {"P": [[1.0]]}
-    assert exit_code(system([[0.0]], [[1.0]], [1.0, 2.0], one), check_design) == 1
-    assert exit_code(system([[0.0]], [[-1.0]], [1.0, 2.0], one), check_design) == 1
+    assert exit_code(point_design([[0.0]], [[1.0]], [1.0, 2.0], one), check_design) == 1
+    assert exit_code(point_design([[0.0]], [[-1.0]], [1.0, 2.0], one), check_design) == 1
     nearly = 1.0 - 2.0**-53
-    assert exit_code(system([[0.0]], [[nearly]], [1.0, 2.0], one), check_design) == 0
+    assert exit_code(point_design([[0.0]], [[nearly]], [1.0, 2.0], one), check_design) == 0
 
 
 def test_long_ranges_of_a_flow_that_grows_end() -> None:
     """Numbers double at each squaring: they are refused, not kept."""
-    document = system([[1.0]], [[1e-3]], [1.0, 1e9], {"P": [[1.0]]})
+    document = point_design([[1.0]], [[1e-3]], [1.0, 1e9], {"P": [[1.0]]})
     assert exit_code(document, check_design) == 1
 
 
 def test_one_dwell_time_needs_no_certificate() -> None:
     rotation = [[0.0, 5.0], [-5.0, 0.0]]
-    assert exit_code(system(rotation, [[0.9, 3.0], [0.0, 0.9]], [0.3, 0.3], {}), check_design) == 1
-    assert exit_code(system(rotation, [[0.9, 0.1], [0.0, 0.9]], [0.3, 0.3], {}), check_design) == 0
-    assert exit_code(system(rotation, [[0.9, 0.1], [0.0, 0.9]], [0.3, 0.4], {}), check_design) == 1
-
-
-def vector_proof(side: str, form: str, v: Any) -> dict[str, Any]:
-    return {"vector": v, "side": side, "form": form}
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("form", ["before_jump", "after_jump"])
-def test_vectors(side: str, form: str) -> None:
-    F, H = [[-2.0, 0.5], [0.3, -1.5]], [[0.9, 0.3], [0.2, 1.1]]
-    v = vector_proof(side, form, [1.0, 1.1])
-    for ends in ([0.4, 3.0], [0.4, "inf"]):
-        assert exit_code(system(F, H, ends, v), check_design) == 0
-        assert exit_code(system(F, H, [0.0, ends[1]], v), check_design) == 1
-    ends = [0.4, 3.0]
-    assert exit_code(system(F, H, ends, vector_proof(side, form, [1.0, -1.1])), check_design) == 1
-    assert exit_code(system(F, H, ends, vector_proof(side, form, [1.0])), check_design) == 1
-    assert exit_code(system(F, H, ends, vector_proof("up", form, [1.0, 1.1])), check_design) == 1
-    assert exit_code(system(F, H, ends, vector_proof(side, "at", [1.0, 1.1])), check_design) == 1
-    assert exit_code(system([[-2.0, -0.5], [0.3, -1.5]], H, ends, v), check_design) == 1
-    assert exit_code(system(F, [[0.9, -0.3], [0.2, 1.1]], ends, v), check_design) == 1
+    assert (
+        exit_code(point_design(rotation, [[0.9, 3.0], [0.0, 0.9]], [0.3, 0.3], {}), check_design)
+        == 1
+    )
+    assert (
+        exit_code(point_design(rotation, [[0.9, 0.1], [0.0, 0.9]], [0.3, 0.3], {}), check_design)
+        == 0
+    )
+    assert (
+        exit_code(point_design(rotation, [[0.9, 0.1], [0.0, 0.9]], [0.3, 0.4], {}), check_design)
+        == 1
+    )
 
 
 @pytest.mark.parametrize("edges", [[], [[0, 0, 0.1, 2.0]], True])
@@ -339,7 +311,76 @@ def test_windows_that_overlap_do_not_divide() -> None:
 def test_a_stiff_flow_and_a_fast_rotation() -> None:
     stiff = [[-1e4, 0.0], [1.0, -1.0]]
     P = {"P": [[1.0, 0.0], [0.0, 1.0]]}
-    assert exit_code(system(stiff, [[0.5, 0.0], [0.0, 0.5]], [0.1, "inf"], P), check_design) == 0
+    assert (
+        exit_code(point_design(stiff, [[0.5, 0.0], [0.0, 0.5]], [0.1, "inf"], P), check_design) == 0
+    )
     rotation = [[0.0, 300.0], [-300.0, 0.0]]
-    assert exit_code(system(rotation, [[0.9, 0.0], [0.0, 0.9]], [0.1, 0.3], P), check_design) == 0
-    assert exit_code(system(rotation, [[0.9, 0.5], [0.0, 0.9]], [0.1, 0.3], P), check_design) == 1
+    assert (
+        exit_code(point_design(rotation, [[0.9, 0.0], [0.0, 0.9]], [0.1, 0.3], P), check_design)
+        == 0
+    )
+    assert (
+        exit_code(point_design(rotation, [[0.9, 0.5], [0.0, 0.9]], [0.1, 0.3], P), check_design)
+        == 1
+    )
+
+
+def test_rates_are_proved_and_higher_ones_are_not() -> None:
+    for name in ("cooperative", "point"):
+        code, text = answer(body(name))
+        stated = evidence(body(name), "rates")
+        assert code == 0
+        assert f"to at most {stated['per_jump']!r} of itself" in text
+        assert f"like e^(-{stated['in_time']!r} t)" in text
+        for rate, value in (
+            ("per_jump", 0.99 * stated["per_jump"]), ("in_time", 1.05 * stated["in_time"]),
+            ("per_jump", 1.0), ("per_jump", -0.5), ("in_time", -1.0), ("in_time", "inf"),
+            ("P_per_jump", [[1.0, 0.0], [0.0, -1.0]]),
+        ):  # fmt: skip
+            document = changed(body(name), certificate(rate, value, "rates"))
+            assert exit_code(document, check_design) == 1
+            assert verdict(document) != "proved"
+
+
+def test_rates_by_windows() -> None:
+    """Without a P of their own they are in the norms of the windows."""
+    true = body("windows, jitter")
+    stated = evidence(true, "rates")
+    assert exit_code(true, check_design) == 0
+    for rate, value in (
+        ("per_jump", stated["per_jump"] ** 1.2),
+        ("in_time", stated["in_time"] * 1.2),
+    ):
+        assert exit_code(changed(true, certificate(rate, value, "rates")), check_design) == 1
+
+
+def in_other_units(document: dict[str, Any], d: list[float], second: float) -> dict[str, Any]:
+    """The design of the same point observer for states in units d, and another unit of time."""
+    D = np.diag(d)
+    gains, inverse = document["gains"], np.diag([1 / a for a in d])
+    A, G, C = (np.array(gains[name]) for name in ("A", "G", "C"))
+    L, M = np.array(gains["L"]), np.array(gains["M"])
+    new = {
+        "A": inverse @ A @ D / second, "G": inverse @ G @ D, "C": C @ D,
+        "L": inverse @ L / second, "M": inverse @ M,
+    }  # fmt: skip
+    proof = copy.deepcopy(evidence(document))
+    for name in ("P", "tails"):
+        if name in proof:
+            proof[name] = (D @ np.array(proof[name]) @ D).tolist()
+    low, high = gains["dwell_time"]
+    ends = [low * second, high if high == "inf" else high * second]
+    result = point_design(new["A"].tolist(), new["G"].tolist(), ends, proof)
+    result["gains"].update({name: X.tolist() for name, X in new.items()})
+    result["problem"]["output"]["C"] = new["C"].tolist()
+    return changed(result, lambda d: None)
+
+
+@pytest.mark.parametrize("second", [2.0**-40, 1.0, 2.0**40])
+@pytest.mark.parametrize("d", [[1.0, 1.0], [2.0**30, 2.0**-30]])
+def test_units_of_states_and_time_do_not_count(d: list[float], second: float) -> None:
+    true = in_other_units(body("point"), d, second)
+    assert exit_code(true, check_design) == 0
+    G = [[3 * a for a in row] for row in true["gains"]["G"]]
+    false = changed(true, lambda document: document["gains"].update(G=G))
+    assert exit_code(false, check_design) == 1

@@ -19,7 +19,15 @@ import obsdesign
 from lmi.arithmetic.exponential import expm
 from obsdesign.checker import check_design, check_widths
 from obsdesign.design_file import from_dict
-from tests.systems.checked import CHECK_WIDTHS, answer, body, changed, evidence, exit_code
+from tests.systems.checked import (
+    CHECK_WIDTHS,
+    answer,
+    body,
+    changed,
+    evidence,
+    exit_code,
+    point_design,
+)
 from tests.systems.designs import investigated_file
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -62,8 +70,8 @@ def test_its_sentences_are_its_own() -> None:
     text = answer(document, CHECK_WIDTHS)[1].splitlines()
     stated = evidence(document, "sampled_width")
     always = ", ".join(map(repr, stated["always"]))
-    assert text[1].startswith(f"proved: with samples at most {stated['step_limit']!r} apart, the")
-    assert f"and ({always}) at any time, for every sequence of dwell times in [0.7, inf)" in text[1]
+    assert text[2].startswith(f"proved: with samples at most {stated['step_limit']!r} apart, the")
+    assert f"and ({always}) at any time, for every sequence of dwell times in [0.7, inf)" in text[2]
 
 
 def scaled(claim: str, name: str, factor: float) -> Change:
@@ -165,7 +173,8 @@ def test_claims_that_were_not_proved_are_listed() -> None:
     listed = text.splitlines()[-1].split("[")[1].split("]")[0]
     claims = {claim["id"] for claim in example("degue_4_1")["claims"]}
     assert code == 0
-    assert {name.strip("' ") for name in listed.split(",")} == claims - {"width", "sampled_width"}
+    proved = {"width", "sampled_width", "flow_positive", "jump_positive"}
+    assert {name.strip("' ") for name in listed.split(",")} == claims - proved
 
 
 # paths of positive systems -----------------------------------------------------------------------
@@ -180,11 +189,13 @@ def fractions(X: Any) -> Any:
 def below(W: Any, f: Any, start: Any, bound: Any, low: float, high: float, X: Any = None) -> bool:
     """Is X u(t) < bound proved for u' = W u + f from start; X = I where it is missing?"""
     X = np.eye(len(W)) if X is None else np.array(X)
-    columns = [fractions(np.reshape(v, (-1, 1))) for v in (f, start, bound)]
+    f, start = (fractions(np.reshape(v, (-1, 1))) for v in (f, start))
+    rows = [
+        [a / Fraction(float(b)) for a in row] for row, b in zip(fractions(X), bound, strict=True)
+    ]
     ends = Fraction(low), math.inf if math.isinf(high) else Fraction(high)
     try:
-        path = check_widths.Path(fractions(W), columns[0], columns[1])
-        path.prove(fractions(X), columns[2], ends)
+        check_widths.Path(fractions(W), f, start).prove(rows, ends)
     except check_widths.NotProved:
         return False
     return True
@@ -207,6 +218,7 @@ SYSTEMS = [
     ([[-1.0, 0.0], [1.0, -2.0]], [0.2, 0.1], [3.0, 0.01]),
     ([[-1.0, 0.5], [1.0, -2.0]], [1.0, 0.1], [0.1, 0.2]),
     ([[-900.0, 5.0], [1.0, -0.4]], [30.0, 0.0], [9.0, 1.0]),
+    ([[-0.3, 0.1], [0.2, -0.5]], [0.01, 0.3], [0.2, 0.01]),
     ([[-50.0, 0.0, 0.0], [50.0, -3.0, 0.0], [0.0, 3.0, -0.1]], [0.0, 0.1, 0.0], [2.0, 1.0, 0.1]),
 ]
 
@@ -234,7 +246,7 @@ def test_equality_is_not_less_and_signs_are_due() -> None:
     assert below([[0.0]], [0.0], [1.0], [1.0 + 2.0**-52], 0.0, 1.0)
     assert not below([[-1.0, -0.1], [0.0, -1.0]], [0.0, 0.0], [1.0, 1.0], [9.0, 9.0], 0.0, 1.0)
     assert not below([[-1.0]], [-0.1], [1.0], [9.0], 0.0, 1.0)
-    assert not below([[-1.0]], [0.0], [0.0], [9.0], 0.0, 1.0)
+    assert not below([[-1.0]], [0.0], [-1.0], [9.0], 0.0, 1.0)
     assert not below([[-1.0]], [0.0], [1.0], [9.0], 0.0, 1.0, [[-1.0]])
 
 
@@ -245,31 +257,92 @@ def test_a_jump_that_forgets_all_has_a_width_though_the_flow_grows() -> None:
     assert not below([[1.0]], [0.0], [1.0], [9.0], 0.0, math.inf, [[0.0]])
 
 
+def test_slow_paths_are_no_shorter() -> None:
+    """The same path in another unit of time, in which all rates are far below 1."""
+    W, f, start = np.array([[0.5, 0.2], [0.1, 0.3]]), np.array([0.1, 0.0]), [1.0, 1.0]
+    peak = largest(W, f, start, 0.0, 3.0)
+    for unit in (2.0**-30, 2.0**30):
+        assert below(W * unit, f * unit, start, 1.000001 * peak, 0.0, 3.0 / unit)
+        assert not below(W * unit, f * unit, start, 0.999999 * peak, 0.0, 3.0 / unit)
+
+
 def test_remainders_bound_what_they_stand_for() -> None:
     """Scalar: u = e^(w t), of which a box proves any bound above its end, and none below it."""
-    w, h = Fraction(3, 2), Fraction(1, 4)
-    end = math.exp(1.5 * 0.25)
-    for share, expected in ((1 + 1e-6, True), (1 - 1e-12, False)):
-        path = check_widths.Path([[w]], [[Fraction(0)]], [[Fraction(1)]])
-        path.X, path.bound = [[Fraction(1)]], [[Fraction(end * share)]]
-        rows = [check_widths.ball([[w**k]]) for k in range(check_widths.DEGREE + 1)]
-        assert path.is_box(rows, [[w ** (check_widths.DEGREE + 1)]], h) == expected
-    path.bound = [[Fraction(2)]]
-    assert not path.is_box(rows, [[Fraction(10**9)]], h)
+    one, h, d = [[Fraction(1)]], Fraction(1, 4), check_widths.DEGREE
+    for w in (Fraction(3, 2), Fraction(-3, 2), Fraction(0)):
+        path = check_widths.Path([[w]], [[Fraction(0)]], one)
+        w = path.W[0][0]
+        top = math.exp(max(w, 0) * h)
+        for share, expected in ((1 + 1e-6, True), (1 - 1e-12, False)):
+            path.X, path.remainders = [[1 / Fraction(top * share)]], {}
+            rows = [check_widths.ball([[w**k * path.X[0][0]]]) for k in range(d + 1)]
+            assert path.is_box(rows, [[abs(w) ** (d + 1)]], h) == expected
+        assert not path.is_box(rows, [[Fraction(10**9)]], h)
+        path.X = one
+        terms = sum(w**k * h**k / math.factorial(k) for k in range(d + 1))
+        series = sum(w**k * h**k / math.factorial(k) for k in range(40))
+        assert series - terms <= path.remainder_map(h)[0][0] * abs(w) ** (d + 1)
 
 
-def test_shapes_have_the_rates_that_they_state() -> None:
-    rng = np.random.default_rng(5)
-    for _ in range(20):
-        W = rng.uniform(0, 1, (3, 3)) * 10.0 ** rng.uniform(-3, 3, (3, 1))
-        W -= np.diag(rng.uniform(0, 3, 3) * W.sum(axis=1))
-        start = fractions(rng.uniform(0.1, 9, (3, 1)))
-        listed = check_widths.shapes(fractions(W), start)
-        assert start in [q for q, _ in listed]
-        for q, mu in listed:
-            image = check_widths.product(fractions(W), q)
-            assert mu >= 0
-            assert all(b > 0 and a <= mu * b for (a,), (b,) in zip(image, q, strict=True))
+def test_no_box_is_longer_than_a_flow_that_grows_allows() -> None:
+    """(I/h - W)^-1 has a sign below zero, or does not exist, for a long h."""
+    path = check_widths.Path(fractions([[2.0]]), fractions([[0.0]]), fractions([[1.0]]))
+    path.X = fractions([[1.0]])
+    assert path.W == [[1]]
+    assert path.remainder_map(Fraction(1, 2)) != []
+    for h in (Fraction(1), Fraction(2)):
+        assert path.remainder_map(h) == []
+
+
+# stability by a vector ---------------------------------------------------------------------------
+
+
+def vector_proof(side: str, form: str, v: Any) -> dict[str, Any]:
+    return {"vector": v, "side": side, "form": form}
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("form", ["before_jump", "after_jump"])
+def test_vectors(side: str, form: str) -> None:
+    F, H = [[-2.0, 0.5], [0.3, -1.5]], [[0.9, 0.3], [0.2, 1.1]]
+    v = vector_proof(side, form, [1.0, 1.1])
+    for ends in ([0.4, 3.0], [0.4, "inf"]):
+        assert exit_code(point_design(F, H, ends, v), check_widths) == 0
+        assert exit_code(point_design(F, H, [0.0, ends[1]], v), check_widths) == 1
+    ends = [0.4, 3.0]
+    for proof in (
+        vector_proof(side, form, [1.0, -1.1]), vector_proof(side, form, [1.0]),
+        vector_proof("up", form, [1.0, 1.1]), vector_proof(side, "at", [1.0, 1.1]),
+    ):  # fmt: skip
+        assert exit_code(point_design(F, H, ends, proof), check_widths) == 1
+    wrong = [[-2.0, -0.5], [0.3, -1.5]]
+    assert exit_code(point_design(wrong, H, ends, v), check_widths) == 1
+    assert exit_code(point_design(F, [[0.9, -0.3], [0.2, 1.1]], ends, v), check_widths) == 1
+
+
+def test_each_program_leaves_the_other_its_certificates() -> None:
+    F, H = [[-2.0, 0.5], [0.3, -1.5]], [[0.9, 0.3], [0.2, 1.1]]
+    by_vector = point_design(F, H, [0.4, 3.0], vector_proof("left", "before_jump", [1.0, 1.1]))
+    assert exit_code(by_vector, check_design) == 2
+    assert exit_code(body("point"), check_widths) == 2
+    cells = changed(by_vector, lambda d: d["gains"].update(M_cells=[[[0.0], [0.0]]]))
+    assert exit_code(cells, check_widths) == 2
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_vectors_against_products_of_many_maps(seed: int) -> None:
+    """A vector that the maps of some dwell time do not shrink is not accepted."""
+    rng = np.random.default_rng(seed)
+    F = rng.uniform(0, 1, (3, 3)) - np.diag(rng.uniform(1, 3, 3))
+    H, v = rng.uniform(0, 1, (3, 3)), rng.uniform(0.5, 1.5, 3)
+    maps = expm(F * np.linspace(0.1, 2.0, 200)[:, None, None]) @ H
+    largest_ratio = float(np.max(v @ maps / v))
+    for share, code in ((0.999, 0), (1.001, 1)):
+        scaled_H = (H * share / largest_ratio).tolist()
+        proof = vector_proof("left", "before_jump", v.tolist())
+        assert (
+            exit_code(point_design(F.tolist(), scaled_H, [0.1, 2.0], proof), check_widths) == code
+        )
 
 
 # what it shares with check_design.py -------------------------------------------------------------

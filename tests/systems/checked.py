@@ -140,3 +140,21 @@ def exit_code(document: Any, program: Any) -> int:
 def evidence(document: dict[str, Any], name: str = "dwell_stability") -> dict[str, Any]:
     """The evidence of a claim of a document."""
     return {claim["id"]: claim["evidence"] for claim in document["claims"]}[name]
+
+
+def point_design(F: Any, H: Any, ends: Any, proof: dict[str, Any]) -> dict[str, Any]:
+    """The design of a plant whose error is (F, H), with evidence that may prove nothing."""
+    document = copy.deepcopy(body("point"))
+    document["claims"] = [claim for claim in document["claims"] if claim["id"] != "rates"]
+    n = len(F)
+    zeros = [[0.0]] * n
+    for block in (document["problem"]["flow"], document["gains"]):
+        block["A"] = F
+    for block in (document["problem"]["jump"], document["gains"]):
+        block["G"], block["dwell_time"] = H, ends
+    for block in (document["problem"]["output"], document["gains"]):
+        block["C"] = [[0.0] * n]
+    document["gains"].update(L=zeros, M=zeros)
+    evidence(document).clear()
+    evidence(document).update(proof)
+    return changed(document, lambda d: None)
