@@ -574,7 +574,8 @@ class Design:
         self.has_jumps = "G" in self.gains
         demand(self.has_jumps == ("jump" in self.problem), "problem and gains differ about jumps")
         self.evidence = keys_once([(entry["id"], entry["evidence"]) for entry in body["claims"]])
-        by_vector = any("vector" in entry for entry in self.evidence.values())
+        stability = (self.evidence.get(name, {}) for name in ("dwell_stability", "decay_rate"))
+        by_vector = any("vector" in entry for entry in stability)
         demand(not by_vector, "vectors are checked by check_widths.py")
         self.sizes: Dict[str, int] = {}
         self.n = len(self.array("A", "nn"))

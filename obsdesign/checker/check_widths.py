@@ -401,7 +401,7 @@ def resting_point(W: Matrix, f: Matrix, X: Matrix, start: Matrix) -> Matrix:
     demand(all(a > 0 for (a,) in p), "the flow is not proved to decay")
     pairs = list(zip(product(X, e), product(X, p)))
     demand(all(a < 1 for (a,), _ in pairs), "what the flow tends to is too large")
-    c = min(((1 - a) / b / 2 for (a,), (b,) in pairs if b), default=Fraction(1))
+    c = min(((1 - x) / y / 2 for (x,), (y,) in pairs if y), default=Fraction(1))
     return total(e, p, c)
 
 
@@ -482,10 +482,11 @@ class Design:
         self.has_jumps = "G" in self.gains
         demand(self.has_jumps == ("jump" in self.problem), "problem and gains differ about jumps")
         self.evidence = keys_once([(entry["id"], entry["evidence"]) for entry in body["claims"]])
-        self.vectors = [name for name, entry in self.evidence.items() if "vector" in entry]
-        claimed = {"width", "sampled_width", *self.vectors} & {*self.evidence}
+        stability = [name for name in ("dwell_stability", "decay_rate") if name in self.evidence]
+        self.vectors = [name for name in stability if "vector" in self.evidence[name]]
+        has_width = self.kind == "interval" and bool({"width", "sampled_width"} & {*self.evidence})
         demand("M_cells" not in self.gains, "gains by cells of dwell times are not checked")
-        demand(bool(claimed), "neither a width is claimed nor a vector proposed")
+        demand(has_width or self.vectors != [], "neither a width is claimed nor a vector proposed")
         self.sizes: Dict[str, int] = {}
         self.n = len(self.array("A", "nn"))
         self.ends = interval(self.gains["dwell_time"] if self.has_jumps else [0, "inf"])
@@ -613,6 +614,7 @@ def with_samples(design: Design, system: System, v: Matrix, limit: Fraction) -> 
 
         w' <= W w + f + |L| (s1 diag(e) w + s0).
 
+    (With the sample at the end of a step in place of its start, s(limit) - s(t) enters, no more.)
     All in coordinates z: A, C, L stand for S^-1 A S, C S, S^-1 L; w, r are measured in units of v,
     and each s in units in which it is of the size of r.
     """
@@ -667,8 +669,10 @@ def prove_width(design: Design, system: System, evidence: Table, limit: Time) ->
     demand(is_nonnegative(h), "the jump of the width is not nonnegative")
     demand(is_at_most(product(out, v), after), "the bound after jumps is below the tube")
     ones = column([Fraction(1)] * n)
+    room = difference(v, h)  # N u < v - h
+    demand(all(a > 0 for (a,) in room + before), "the jump leaves the tube, or a bound is 0")
     path = Path(W, f, v)
-    jumps = in_units(N, difference(v, h), ones)  # N u < v - h
+    jumps = in_units(N, room, ones)
     path.prove(jumps + in_units(out, before, ones), design.ends)
     path.prove(in_units(out, always, ones), (Fraction(0), design.ends[1]))
     for row in evidence.get("constant_dwell", []):

@@ -161,6 +161,27 @@ def test_twins_that_must_not_be_proved(name: str, change: Change) -> None:
     assert exit_code(changed(example(name), change), check_widths) != 0
 
 
+def test_a_jump_that_forgets_all_but_adds_more_than_the_tube() -> None:
+    """N = 0: what comes after a jump is h alone, and has to be below the tube, too."""
+    for share, code in ((0.5, 0), (1.5, 1)):
+        document = example("degue_4_1")
+        document["claims"] = [c for c in document["claims"] if c["id"] not in ("sampled_width",)]
+        stated, gains = evidence(document, "width"), document["gains"]
+        stated["constant_dwell"] = []
+        zeros = [[0.0, 0.0], [0.0, 0.0]]
+        gains.update(G=zeros, Gp=zeros, Gn=zeros, M=[[0.0], [0.0]])
+        gains["jump_lower"] = [0.0, 0.0]
+        gains["jump_upper"] = [0.0, share * stated["tube"][1]]
+        assert exit_code(changed(document, lambda d: None), check_widths) == code
+
+
+def test_a_program_that_proves_nothing_reads_nothing() -> None:
+    entry = {"id": "width", "verdict": "proved", "evidence": {"vector": [1.0]}}
+    document = changed(body("point"), lambda d: d["claims"].append(entry))
+    assert exit_code(document, check_widths) == 2
+    assert exit_code(document, check_design) == 0
+
+
 def test_designs_without_widths_are_not_read() -> None:
     for name in ("split", "point"):
         assert exit_code(body(name), check_widths) == 2

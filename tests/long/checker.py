@@ -2,16 +2,17 @@
 
 python -m tests.long.checker designs FOLDER [COUNT]    make and keep designs; who accepts them, how fast
 python -m tests.long.checker mutants FOLDER [COUNT] [SEED]   changed designs, signed again: who accepts
-python -m tests.long.checker source [COUNT]            one operator or number of the checker changed
+python -m tests.long.checker source PROGRAM [COUNT]    one operator or number of check_design.py, ... changed
 
-A mutant is falsely accepted if both programs accept it, and `verify` does not prove a claim of
-theirs or does not read the file. Those are printed, each with its change. `source` copies the
+A mutant is falsely accepted if all programs that read it accept it, and `verify` does not prove a
+claim of theirs or does not read the file. Those are printed, each with its change. `source` copies the
 project and runs tests/checker on each changed source; whoever survives is printed, and stands in
 `EXPLAINED` with the reason if no test can see it.
 """
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
@@ -27,7 +28,7 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from obsdesign.checker import check_design, check_gains
+from obsdesign.checker import check_design, check_gains, check_widths
 from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.errors import InputError
@@ -37,7 +38,12 @@ from tests.systems.checked import FOLDER, PROBLEMS, exit_code
 from tests.systems.interval import FORMS, random_problem
 
 ROOT = Path(__file__).parents[2]
-SCOPE = {"consistent", "flow_positive", "jump_positive", "hurwitz", "dwell_stability", "decay_rate"}
+SIGNS = {"consistent", "flow_positive", "jump_positive"}
+STABILITY = {"hurwitz", "dwell_stability", "decay_rate", "rates"}
+WIDTHS = {"width", "sampled_width"}
+# claims of each program, of a design that it accepts
+SCOPES = {check_design: SIGNS | STABILITY, check_widths: SIGNS | WIDTHS}
+SCOPE = set.union(*SCOPES.values())
 SECONDS = 20.0
 
 
@@ -82,18 +88,21 @@ def random_point_problem(rng: np.random.Generator) -> obsdesign.Problem:
     return obsdesign.Problem(flow={"A": A}, jump=jump, output=output, observer=observer)
 
 
-def accepts(document: dict[str, Any]) -> bool:
-    """Do both programs accept it?"""
-    return not (exit_code(document, check_design) or exit_code(document, check_gains))
+def accepted(document: dict[str, Any]) -> set[str]:
+    """Claims of the programs that accept it; none where one of them, or the gains, is refused."""
+    codes = {program: exit_code(document, program) for program in SCOPES}
+    if 1 in codes.values() or exit_code(document, check_gains):
+        return set()
+    return set[str]().union(*(SCOPES[program] for program, code in codes.items() if code == 0))
 
 
-def verified(document: dict[str, Any]) -> tuple[bool, bool]:
-    """Does `verify` read it and prove the claims that the programs are about; and all of it?"""
+def verified(document: dict[str, Any], scope: set[str]) -> tuple[bool, bool]:
+    """Does `verify` read it and prove the claims of a scope; and all of it?"""
     try:
         outcome = obsdesign.verify(from_dict(document))
     except InputError:
         return False, False
-    claims = [claim for claim in outcome.claims if claim.id in SCOPE]
+    claims = [claim for claim in outcome.claims if claim.id in scope]
     is_proved = bool(claims) and all(claim.verdict == "proved" for claim in claims)
     return is_proved, outcome.verdict == "proved"
 
@@ -101,7 +110,7 @@ def verified(document: dict[str, Any]) -> tuple[bool, bool]:
 def make_designs(folder: Path, count: int) -> None:
     """Keep the proved designs of the scope in a folder, and print who accepts them, how fast."""
     folder.mkdir(exist_ok=True)
-    rows: dict[int, list[tuple[float, float]]] = {}
+    rows: dict[int, list[tuple[float, float, float]]] = {}
     tally: Counter[str] = Counter()
     for name, problem in problems(count):
         try:
@@ -114,26 +123,26 @@ def make_designs(folder: Path, count: int) -> None:
         document = json.loads(json.dumps(outcome.design.to_dict()))
         start = time.perf_counter()
         code = exit_code(document, check_design)
-        own = time.perf_counter() - start
-        if code == 2:
+        middle = time.perf_counter()
+        widths = exit_code(document, check_widths)
+        end = time.perf_counter()
+        if code == widths == 2:
             tally["out of scope"] += 1
             continue
-        start = time.perf_counter()
-        assert all(verified(document))
-        rows.setdefault(problem.plant.n, []).append((own, time.perf_counter() - start))
-        code = max(code, exit_code(document, check_gains))
-        tally["accepted" if code == 0 else "not accepted"] += 1
-        if code:
+        assert all(verified(document, SCOPE))
+        each = (middle - start, end - middle, time.perf_counter() - end)
+        rows.setdefault(problem.plant.n, []).append(each)
+        is_accepted = bool(accepted(document))
+        tally["accepted" if is_accepted else "not accepted"] += 1
+        tally["widths"] += widths == 0
+        if not is_accepted:
             print(f"not accepted: {name}", flush=True)
         (folder / f"{name.replace(' ', '_')}.json").write_text(json.dumps(document), "utf-8")
     print(dict(tally))
-    print("n, designs, checker median / max, verify median / max (seconds)")
+    print("n, designs, check_design, check_widths, verify: median / max (seconds)")
     for n, times in sorted(rows.items()):
-        own, verify = np.array(times).T
-        print(
-            f"{n} {len(times)} {np.median(own):.2g} / {own.max():.2g} "
-            f"{np.median(verify):.2g} / {verify.max():.2g}"
-        )
+        columns = (f"{np.median(each):.2g} / {each.max():.2g}" for each in np.array(times).T)
+        print(n, len(times), *columns)
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -221,7 +230,8 @@ def compare_mutants(folder: Path, count: int, seed: int) -> None:
     tally: Counter[tuple[bool, bool]] = Counter()
     for k in range(count):
         document, text = mutated(quick[k % len(quick)], rng)
-        own, (theirs, whole) = accepts(document), verified(document)
+        scope = accepted(document)
+        own, (theirs, whole) = bool(scope), verified(document, scope)
         other = theirs if own else whole  # what `verify` says of the rest of the file is not theirs
         tally[own, other] += 1
         if own != other:
@@ -240,12 +250,19 @@ def names_of(tally: Counter[tuple[bool, bool]]) -> dict[str, int]:
     return {word: tally[key] for key, word in words.items()}
 
 
+# tests of each program
+TESTS = {
+    "check_design.py": ["tests/checker/test_balls.py", "tests/checker/test_check_design.py"],
+    "check_widths.py": ["tests/checker/test_check_widths.py"],
+}
 # functions of the checker whose mutants are met
 FUNCTIONS = (
-    "times", "scaled", "plus", "norm", "ball", "is_positive", "is_negative", "is_less", "between",
+    "tops", "resting_point", "remainder_map", "in_units", "with_samples", "prove_width",
+    "prove_constant_dwell", "prove_vector", "units", "prove_rates", "prove", "width_system",
+    "disturbance", "noise", "times", "scaled", "plus", "norm", "ball", "is_positive", "is_negative", "is_less", "between",
     "lyapunov", "bounding_factor", "prove_range", "cover", "time_of_tail", "bounded", "exponential",
     "falling", "holds_from", "holds", "advance", "best_remainder", "is_box", "remainder_factor",
-    "rates", "check_partition", "common_cells", "is_reachable", "edges_of", "prove_hurwitz",
+    "check_partition", "common_cells", "is_reachable", "edges_of", "prove_hurwitz",
 )  # fmt: skip
 # survivors that no test has to see: a part of the changed line, and why
 EXPLAINED = {
@@ -265,24 +282,25 @@ EXPLAINED = {
 }
 
 
-def mutate_source(count: int) -> None:
-    """Run tests/checker on changed sources of the checker and print who survives."""
-    path = FOLDER / "check_design.py"
+def mutate_source(count: int, name: str) -> None:
+    """Run tests/checker on changed sources of a program and print who survives."""
+    path = FOLDER / name
+    known = _shared(path)
     every = [
         mutant for mutant in mutants_of(str(path), path.read_bytes())
-        if mutant.function.split(".")[-1] in FUNCTIONS
+        if mutant.function.split(".")[-1] in FUNCTIONS and mutant.function.split(".")[0] not in known
     ]  # fmt: skip
     chosen = np.random.default_rng(1).permutation(len(every))[:count]
     tally: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory() as name:
-        tree = Path(name) / "tree"
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "tree"
         ignored = shutil.ignore_patterns(".venv", ".git", "*.egg-info", "__pycache__")
         shutil.copytree(ROOT, tree, ignore=ignored)
         for k in chosen:
             mutant = every[int(k)]
-            (tree / "obsdesign" / "checker" / "check_design.py").write_bytes(mutant.source)
+            (tree / "obsdesign" / "checker" / name).write_bytes(mutant.source)
             word = "killed"
-            if _survives(tree):
+            if _survives(tree, TESTS[name]):
                 reasons = [EXPLAINED[part] for part in EXPLAINED if part in mutant.now]
                 word = "explained" if reasons else "survived"
             tally[word] += 1
@@ -293,9 +311,20 @@ def mutate_source(count: int) -> None:
     print(len(every), "sites;", dict(tally))
 
 
-def _survives(tree: Path) -> bool:
+def _shared(path: Path) -> set[str]:
+    """Functions and classes of a program that are those of check_design.py, met there."""
+    if path.name == "check_design.py":
+        return set()
+    own, first = (
+        {node.name: ast.unparse(node) for node in ast.parse(each.read_text("utf-8")).body
+         if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+        for each in (path, FOLDER / "check_design.py")
+    )  # fmt: skip
+    return {name for name in own if own[name] == first.get(name)}
+
+
+def _survives(tree: Path, tests: list[str]) -> bool:
     """Do the tests of the checker pass in a copy of the project?"""
-    tests = ["tests/checker/test_balls.py", "tests/checker/test_check_design.py"]
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
     environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
@@ -316,7 +345,7 @@ def main() -> None:
         count, seed = [*map(int, words[1:]), *(10_000, 25)[len(words) - 1 :]]
         compare_mutants(Path(words[0]), count, seed)
     else:
-        mutate_source(int(words[0]) if words else 10_000)
+        mutate_source(int(words[1]) if len(words) > 1 else 10_000, words[0])
 
 
 if __name__ == "__main__":
