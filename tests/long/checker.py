@@ -236,7 +236,7 @@ def compare_mutants(folder: Path, count: int, seed: int) -> None:
         tally[own, other] += 1
         if own != other:
             print(f"{'checker' if own else 'verify'} only: {document['name']}: {text}", flush=True)
-        if (k + 1) % 500 == 0:
+        if (k + 1) % 100 == 0:
             print(k + 1, names_of(tally), flush=True)
     print(names_of(tally))
 
