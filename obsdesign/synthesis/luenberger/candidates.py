@@ -45,7 +45,7 @@ from obsdesign.synthesis.luenberger.gain_candidates import with_jump_gain
 from obsdesign.synthesis.luenberger.parameters import uncertain_candidates
 from obsdesign.synthesis.luenberger.schedule import check_schedule
 from obsdesign.synthesis.luenberger.searched_gains import (
-    gain_search,
+    gain_searches,
     is_L_limited,
     searched_candidates,
 )
@@ -76,10 +76,11 @@ def synthesize_constrained(
             raise InputError(reason)
         own, box = nominal_problem(problem), known_box(problem)
         candidates = synthesize_constrained(own, constraints, budget)
-        search = None if box is None else gain_search(problem, own, box, constraints)
-        if search is not None:
-            candidates = searched_candidates(own, search, candidates, budget)
-        yield from uncertain_candidates(problem, candidates, box, budget, is_L_limited(own))
+        searches = [] if box is None else gain_searches(problem, own, box, constraints)
+        if searches:
+            candidates = searched_candidates(own, searches, candidates, budget)
+        count = len(searches) if is_L_limited(own) else None
+        yield from uncertain_candidates(problem, candidates, box, budget, count)
         return
     refuse_unusable(problem)
     check_schedule(problem)

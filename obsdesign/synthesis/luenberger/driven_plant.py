@@ -68,6 +68,18 @@ class DrivenPlant:
         at_jumps = noise + _output_effects(uncertain, *sampled)
         return replace(driven, K=to_float(error.K), V_jump=at_jumps, ends=ends)
 
+    @property
+    def outputs(self) -> Matrix:
+        """Sizes of y, (p,), for x of these units."""
+        sizes: Matrix = np.abs(self.plant.output.C) @ self.units
+        return np.where(sizes > 0, sizes, 1.0)
+
+    def with_noise(self, part: float) -> DrivenPlant:
+        """The same with noise of at least this part of the sizes of y."""
+        least = part * self.outputs
+        jump = None if self.V_jump is None else np.maximum(self.V_jump, least)
+        return replace(self, V=np.maximum(self.V, least), V_jump=jump)
+
     def matrices(self, gains: GainPair) -> tuple[Matrix, Matrix | None]:
         """F = A - L C, and the error's matrix at jumps."""
         C, jump = self.plant.output.C, self.plant.jump

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import cast
 
-import numpy as np
-
-from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries
 from lmi.arithmetic.balls import Exact, exact, to_float
+from lmi.bounds.driven_jumps import Radius
 from lmi.bounds.tube import Tube
 from lmi.solvers import Solvers, merged
 from obsdesign.analysis.luenberger.driven_error import (
@@ -29,13 +29,12 @@ from obsdesign.analysis.nominal import stability_dwell
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Certificates
+from obsdesign.synthesis.luenberger.contractions import contractions
 from obsdesign.synthesis.state_box import KnownBox, known_state_box
 from obsdesign.synthesis.tube import proved_tube, solvers_of_tube
 
 # stated bounds exceed those that are proved by this share: other libraries steer proofs otherwise
 _ROOM = 1e-6
-# of what a contraction leaves, this share is kept, in turn, until it is proved
-_SHARES = (1.0, 0.99, 0.9)
 
 
 def known_box(problem: Problem) -> KnownBox | None:
@@ -57,45 +56,52 @@ def bound_certificates(
     if problem.plant.jump is None:
         entries, solvers = _stated(bounds_without_jumps(error)), cast(Solvers, ())
     else:
-        entries, solvers = _with_jumps(error, stability_dwell(problem), known)
+        entries, solvers = _with_jumps(error, stability_dwell(problem), known, box.units)
     if not entries:
         return Certificates()
     return Certificates({**box.certificates, "error_bound": entries}, merged(box.solvers, solvers))
 
 
 def _with_jumps(
-    error: DrivenError, ends: tuple[float, float], known: EntriesByClaim
+    error: DrivenError, ends: tuple[float, float], known: EntriesByClaim, units: Matrix
 ) -> tuple[Entries, Solvers]:
-    """The certificate of an error with jumps, empty where nothing is proved, and its solvers."""
+    """The certificate of an error with jumps, empty where nothing is proved, and its solvers.
+
+    Of the norms that contract, that of the least bounds in sum, in these units (n,).
+    """
     tube = proved_tube(*comparison_system(error), ends=ends, vanishing=True)
     names = ("tube", "after_jump", "before_jump", "always")
     proposed = None if tube is None else Tube(*(exact(tube[name]) for name in names))
     if proposed is not None and not is_tube(error, ends, proposed):
         tube = proposed = None
-    proofs = ((each, contraction_radius(error, ends, each)) for each in _contractions(known))
-    contraction, radius = next((pair for pair in proofs if pair[1] is not None), (None, None))
-    entries = _stated(bounds_with_jumps(error, ends, proposed, radius))
+    least, chosen = bounds_with_jumps(error, ends, proposed, None), None
+    for contraction, radius in _proved_norms(error, ends, known):
+        bounds = bounds_with_jumps(error, ends, proposed, radius)
+        if bounds is not None and _total(bounds, units) < _total(least, units):
+            least, chosen = bounds, contraction
+    entries = _stated(least)
     if not entries:
         return {}, ()
     if tube is not None:
         entries["tube"] = tube
-    if contraction is not None:
-        entries |= {"T": contraction.T.tolist(), "per_jump": contraction.per_jump}
+    if chosen is not None:
+        entries |= {"T": chosen.T.tolist(), "per_jump": chosen.per_jump}
     return entries, solvers_of_tube(tube is not None)
 
 
-def _contractions(known: EntriesByClaim) -> Iterator[Contraction]:
-    """Norms that contract from jump to jump, from the certificate of stability and its rates."""
-    rates = known.get("rates", {})
-    P = rates.get("P_per_jump", known.get("dwell_stability", {}).get("P"))
-    if P is None or "per_jump" not in rates:
-        return
-    try:
-        T = np.linalg.cholesky(np.asarray(P, dtype=np.float64)).T
-    except np.linalg.LinAlgError:
-        return
-    for share in _SHARES:
-        yield Contraction(T, 1.0 - share * (1.0 - rates["per_jump"]))
+def _proved_norms(
+    error: DrivenError, ends: tuple[float, float], known: EntriesByClaim
+) -> Iterator[tuple[Contraction, Radius]]:
+    """Norms in which the error is proved to contract, and what it comes to in them."""
+    for norm in contractions(error, ends, known):
+        proofs = ((each, contraction_radius(error, ends, each)) for each in norm)
+        proved = next(((each, radius) for each, radius in proofs if radius is not None), None)
+        if proved is not None:
+            yield proved
+
+
+def _total(bounds: ErrorBounds | None, units: Matrix) -> float:
+    return math.inf if bounds is None else float((to_float(bounds.always) / units).sum())
 
 
 def _stated(bounds: ErrorBounds | None) -> NewEntries:

@@ -25,6 +25,8 @@ _RATES = tuple(2.0**k for k in range(-3, 7))
 _REFINED = tuple(2.0**k for k in (-0.5, 0.5))
 # evaluations of the simplex search, for each open entry
 _EVALUATIONS = 60
+# it begins anew where it ends, at most so often, while the cost falls to this part
+_SEARCHES, _WORTHWHILE = 3, 0.9
 # its first steps: parts of an entry, of the plant's unit of it where it is zero
 _STEP, _STEP_FROM_ZERO = 0.05, 0.1
 # part of the bounds that smaller gains may cost, and how often an entry is halved
@@ -63,11 +65,20 @@ class GainSearch:
         return L if gains is None else gains.L
 
     def improved(self, starts: list[GainPair]) -> GainPair | None:
-        """The gains of the least cost that a search from the best of these meets."""
+        """The gains of the least cost that searches from the best of these meet."""
         costs = [self._admitted_cost(gains) for gains in starts]
         if not (costs and self.free) or not math.isfinite(min(costs)):
             return None
-        start = starts[int(np.argmin(costs))]
+        gains, cost = starts[int(np.argmin(costs))], min(costs)
+        for _ in range(_SEARCHES):
+            gains, before = self._descended(gains), cost
+            cost = self._admitted_cost(gains)
+            if cost > _WORTHWHILE * before:
+                break
+        return self._moderate(gains)
+
+    def _descended(self, start: GainPair) -> GainPair:
+        """The gains that a simplex search from these ends with."""
         scales = [self._scale(name, start) for name in self.free]
         x = np.concatenate([getattr(start, name).ravel() for name in self.free])
         scale = np.concatenate([values.ravel() for values in scales])
@@ -91,7 +102,7 @@ class GainSearch:
         result = minimize(
             lambda z: self._admitted_cost(gains_of(z)), first, method="Nelder-Mead", options=options
         )
-        return self._moderate(gains_of(result.x))
+        return gains_of(result.x)
 
     def _moderate(self, gains: GainPair) -> GainPair:
         """The gains with entries halved, first all of them, as long as the bounds hardly grow.
@@ -138,8 +149,7 @@ class GainSearch:
     def _scale(self, name: str, start: GainPair) -> Matrix:
         """Sizes of the entries; where they are zero, a unit of x for the unit of y that it is."""
         units, plant = self.driven.units, self.driven.plant
-        outputs = np.abs(plant.output.C) @ units
-        natural = units[:, None] / np.where(outputs > 0, outputs, 1.0)
+        natural = units[:, None] / self.driven.outputs
         if name == "L":
             natural = natural * (spectral_radius(np.abs(plant.flow.A)) or 1.0)
         own = np.abs(getattr(start, name))
@@ -150,8 +160,7 @@ def _least_peak(driven: DrivenPlant) -> Matrix | None:
     """The gain of the inequality whose sum of bounds is least over a line of rates."""
     A, C, units = driven.plant.flow.A, driven.plant.output.C, driven.units
     pace = spectral_radius(np.abs(A)) or 1.0
-    outputs = np.abs(C) @ units  # what the unit of y is does not matter
-    outputs = np.where(outputs > 0, outputs, 1.0)
+    outputs = driven.outputs  # what the unit of y is does not matter
     system = DisturbedOutput(
         A * units / units[:, None] / pace, C * units / outputs[:, None],
         driven.E / units[:, None] / pace, driven.V / outputs,

@@ -23,35 +23,46 @@ from obsdesign.synthesis.state_box import KnownBox
 
 # candidates that a search of gains may start from
 _STARTS = 3
+# least noise that searches count with, in parts of the range of y: without any the fastest gain
+# would be the best; and more, since a bound of a fast gain need not be proved
+_LEAST_NOISE, _MORE_NOISE = 2.0**-20, (2.0**-15, 2.0**-10)
 
 
-def gain_search(
+def gain_searches(
     problem: Problem, nominal: Problem, box: KnownBox, constraints: UserConstraints | None
-) -> GainSearch | None:
-    """The search of the gains that are open; None where none is, or nothing limits L.
+) -> list[GainSearch]:
+    """Searches of the gains that are open; none where none is, or nothing limits L.
 
-    What `constraints` of a user say of gains is known with their P alone.
+    For the noise that is stated, and for more where it is small. What `constraints` of a user say
+    of gains is known with their P alone.
     """
     if constraints is not None or not is_L_limited(nominal):
-        return None
+        return []
     options = nominal.options_as(LuenbergerOptions)
     free = ["L"] if _is_L_open(nominal) else []
     free += ["M"] if given_gain(nominal, "M") is None else []
     ends = stability_dwell(problem)
     driven = DrivenPlant.from_box(problem.plant, nominal.plant, box, ends)
-    return GainSearch(driven, convex_gains(options, None), tuple(free)) if free else None
+    if not free:
+        return []
+    more = [part for part in _MORE_NOISE if (part * driven.outputs > driven.V).any()]
+    parts = [0.0] if _is_L_held(nominal) else [_LEAST_NOISE, *more]
+    wanted = convex_gains(options, None)
+    return [GainSearch(driven.with_noise(part), wanted, tuple(free)) for part in parts]
 
 
 def is_L_limited(problem: Problem) -> bool:
-    """Is there a limit to L: a choice, noise on every output, a largest norm or a disc?
+    """Is there a limit to L: a choice, noise that is stated, a largest norm or a disc?
 
     Without any the fastest gain would always have the least bound.
     """
-    radius = problem.plant.output.noise_radius
-    is_noisy = radius is not None and bool((radius > 0).all())
+    return problem.plant.output.noise_radius is not None or _is_L_held(problem)
+
+
+def _is_L_held(problem: Problem) -> bool:
+    """Is there a limit to L that the noise does not matter for?"""
     stated = problem.options_as(LuenbergerOptions).gain_constraints("L")
-    is_held = stated.norm is not None or stated.disc is not None
-    return is_noisy or is_held or not _is_L_open(problem)
+    return stated.norm is not None or stated.disc is not None or not _is_L_open(problem)
 
 
 def _is_L_open(problem: Problem) -> bool:
@@ -62,16 +73,31 @@ def _is_L_open(problem: Problem) -> bool:
 
 
 def searched_candidates(
-    problem: Problem, search: GainSearch, candidates: Iterator[Candidate], budget: TimeBudget
+    problem: Problem,
+    searches: list[GainSearch],
+    candidates: Iterator[Candidate],
+    budget: TimeBudget,
 ) -> Iterator[Candidate]:
-    """Gains searched from the best of the first few candidates, then these; without parameters.
+    """Gains of each search, and what it began with, then the candidates; without parameters.
 
-    problem: of the nominal plant. An M that is open may start at zero too: it contracts less at
-    jumps, and adds no noise there.
+    problem: of the nominal plant.
     """
-    first = [
-        *_peak_candidates(problem, search, budget), *itertools.islice(candidates, _STARTS)
-    ]  # fmt: skip
+    others = list(itertools.islice(candidates, _STARTS))
+    for search in searches:
+        yield from _searched(problem, search, others, budget)
+    yield from others
+    yield from candidates
+
+
+def _searched(
+    problem: Problem, search: GainSearch, others: list[Candidate], budget: TimeBudget
+) -> Iterator[Candidate]:
+    """Gains searched from the best of several candidates, and those of the inequality.
+
+    An M that is open may start at zero too: it contracts less at jumps, and adds no noise there.
+    """
+    peak = list(_peak_candidates(problem, search, budget))
+    first = [*peak, *others]
     starts = [each.gains for each in first if isinstance(each.gains, LuenbergerGains)]
     pairs = [GainPair(own.L, own.M) for own in starts]
     if "M" in search.free:
@@ -82,8 +108,7 @@ def searched_candidates(
         candidate = with_gains(problem, label, gains, budget)
         solvers = functools.reduce(merged, (each.solvers for each in first), candidate.solvers)
         yield replace(candidate, searched=True, solvers=solvers)
-    yield from first
-    yield from candidates
+    yield from peak
 
 
 def _peak_candidates(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from obsdesign.analysis.nominal import nominal_problem
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.luenberger.driven_plant import GainPair
 from obsdesign.synthesis.luenberger.error_bound import known_box
-from obsdesign.synthesis.luenberger.searched_gains import gain_search
+from obsdesign.synthesis.luenberger.searched_gains import gain_searches
 from obsdesign.workflow import Outcome, investigate
 from tests.systems.designs import designed
 from tests.systems.designs import investigated as outcome
@@ -99,8 +100,7 @@ def estimate(body: Body, L: Matrix, M: Matrix) -> float:
     problem = Problem.from_dict(body)
     box = known_box(problem)
     assert box is not None
-    search = gain_search(problem, nominal_problem(problem), box, None)
-    assert search is not None
+    search = gain_searches(problem, nominal_problem(problem), box, None)[0]
     return search.cost(GainPair(L, M))
 
 
@@ -173,3 +173,60 @@ def test_gains_that_matter_in_their_ratio_alone_are_not_large() -> None:
         "observer": {"kind": "luenberger"},
     }  # fmt: skip
     assert np.abs(designed(heater).gains["L"]).max() < 100
+
+
+def kicked_often(noise: float = 0.01, **observer: Any) -> Body:
+    """The spring kicked every 0.4 to 0.6, its position measured all the time."""
+    body = sampled_at_jumps(**observer)
+    del body["output"]["measured"]
+    body["output"]["noise_bound"] = [noise]
+    body["state"] = {"lower": [-1.5, -1.5], "upper": [1.5, 1.5]}
+    return body
+
+
+def turned(noise: float = 0.01, **observer: Any) -> Body:
+    """A rotation that jumps stretch; y mixes its states, so that L and M matter together."""
+    return {
+        "flow": {"A": [[0, 0.3], [-1.3, 0]], "disturbance": {"lower": [0, -0.05], "upper": [0, 0.05]}},
+        "jump": {"G": [[1.1, -0.1], [0, 0.9]], "dwell_time": [0.5, 0.8]},
+        "parameter": [{"name": "p", "range": [-0.1, 0.1], "A": [[0, 0], [1, 0]]}],
+        "output": {"C": [[0.6, 0.4]], "noise_bound": [noise]},
+        "state": {"lower": [-1.5, -1.5], "upper": [1.5, 1.5]},
+        "observer": {"kind": "luenberger", **observer},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plant", "norms"),
+    [(kicked_often, {"M": 0.5}), (turned, {"M": 0.5}), (constrained, {"L": 40.0})],
+    ids=["kicked", "turned", "without jumps"],
+)
+def test_no_constraint_gives_a_smaller_bound(plant: Any, norms: dict[str, float]) -> None:
+    """What a constraint admits is open without it too."""
+    free, held = plant(), plant(gain_norm=norms)
+    assert cost(outcome(free)) < 1.01 * cost(outcome(held))
+
+
+def quiet(noise: float = 0.01, **observer: Any) -> Body:
+    """The spring without kicks."""
+    body = constrained(**observer)
+    body["output"]["noise_bound"] = [noise]
+    return body
+
+
+@pytest.mark.parametrize(
+    ("plant", "levels"), [(kicked_often, (0.0, 0.01)), (quiet, (0.0, 1e-8, 1e-3, 0.01))]
+)
+def test_less_noise_gives_no_larger_bound(plant: Any, levels: tuple[float, ...]) -> None:
+    """Without any noise too, where the fastest gain that is proved would be the best."""
+    costs = [cost(outcome(plant(noise))) for noise in levels]
+    assert all(less <= 1.01 * more for less, more in itertools.pairwise(costs))
+    assert costs[0] < 0.2 * costs[-1]
+    assert "remarks" not in outcome(plant(0.0)).result
+
+
+def test_a_gain_that_leaves_a_singular_map_at_jumps_has_a_bound() -> None:
+    """M C = 1 for the measured state: the norm of the fastest contraction is far from round."""
+    gains = {"L": [[12.2], [62.2]], "M": [[0.99998], [0]]}
+    near = outcome(kicked_often(gains=gains | {"M": [[0.99], [0]]}))
+    assert cost(outcome(kicked_often(gains=gains))) == pytest.approx(cost(near), rel=0.01)
