@@ -10,6 +10,7 @@ import math
 import pytest
 
 from lmi.decide.uncertain_stability import decide_uncertain
+from lmi.find.bang_bang import followed, worst_switching
 from lmi.find.clock_matrix import find_clock_matrix
 from lmi.prove.parameter_cells import prove_cells
 from lmi.refute.parameter_words import read_stays, refute_parameters
@@ -42,6 +43,23 @@ def test_minimum_dwell_time_of_51_is_almost_exact_for_small_kappa() -> None:
     assert verdict.outcome == "refuted"
     word = read_stays(verdict.witness["stays"])
     assert refute_parameters(alternating(0.1), 0.999 * 0.6783, math.inf, word).outcome == "refuted"
+
+
+@pytest.mark.parametrize(("kappa", "limit"), [(0.5, 0.7781), (0.7, 0.8121), (0.9, 0.8465)])
+def test_words_reach_the_limit_of_51(kappa: float, limit: float) -> None:
+    """What is open between words and certificates is what quadratic forms leave open.
+
+    The limits are those of value iteration over directions of x (floats: .778, .812, .847; .882 for
+    kappa = 1.1), to some 1e-3; certificates end 2.3, 7.7, 18 and 33 per cent above them.
+    """
+    family, low = alternating(kappa), 0.999 * limit
+    course = worst_switching(family, low, math.inf)
+    assert course is not None
+    assert refute_parameters(family, low, math.inf, course.word).outcome == "refuted"
+    # beyond it the same word refutes nothing
+    longer = followed(family, 1.002 * limit, math.inf, course.word)
+    verdict = refute_parameters(family, 1.002 * limit, math.inf, longer.word)
+    assert verdict.outcome == "undecided"
 
 
 @pytest.mark.parametrize("row", range(4))
