@@ -288,6 +288,24 @@ def test_package_roots_are_light() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
+def test_verify_and_run_do_without_slow_imports(academic_design: Path, tmp_path: Path) -> None:
+    data = tmp_path / "data.csv"
+    data.write_text("t,y1,jump\n0,1,0\n0.1,0.9,0\n")
+    verify = ["verify", str(academic_design)]
+    run = ["run", str(academic_design), str(data), "--initial=-2,2,-2,2", "-o", f"{data}.out"]
+    for words, further in ((verify, ()), (run, ("rich", "flint"))):
+        heavy = {"scipy", "cvxpy", "clarabel", "casadi", "matplotlib", "jsonschema", *further}
+        code = (
+            f"import sys; sys.argv = ['obsdesign', *{words!r}]\n"
+            "from obsdesign.cli.main import main\n"
+            "try: main()\n"
+            "except SystemExit as end: assert not end.code, end.code\n"
+            f"assert not {heavy!r} & set(sys.modules), {heavy!r} & set(sys.modules)\n"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+
+
 def test_the_help_and_the_version_do_without_numpy() -> None:
     for words in (["--help"], ["design", "--help"], ["--version"]):
         code = f"sys.argv = ['obsdesign', *{words}]; from obsdesign.cli.main import main; main()"

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 
 import clarabel
 import numpy as np
-from scipy import sparse
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.balancing import Scaling
@@ -215,6 +214,8 @@ class _Program:
         self.entries.append((np.full(len(i), len(b) - 1), i, np.ones(len(i))))
         rows, columns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         shape = (len(b), self.blocks * self.size + 1)
+        from scipy import sparse  # slow to import
+
         A = sparse.csc_matrix((values, (rows, columns)), shape=shape)
         x, _ = maximise_last(A, b, cones, seconds=seconds)
         return smat(x[:-1].reshape(self.blocks, self.size)), float(x[-1])

@@ -14,6 +14,7 @@ from obsdesign.entries import shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS
 from obsdesign.problem.option_table import OPTIONS, owners
+from obsdesign.problem.schema_accepts import UnknownKeyword, accepts
 
 # blocks of one jump and one output, and lists of named ones, which are not mixed
 _PLAIN, _LISTED = ("jump", "output"), ("event", "sensor", "mode", "parameter")
@@ -34,21 +35,35 @@ def check_structure(body: Value) -> None:
     """InputError for the most informative violation of the schema by parsed TOML or JSON."""
     if not isinstance(body, dict):
         raise InputError(f"a problem must be a table with [flow] and [output]; got {shown(body)}.")
+    abridged = _abridged(body)
+    if _is_accepted(abridged):
+        return
     validator = _validator()
     try:
-        errors = list(validator.iter_errors(_abridged(body)))
+        errors = list(validator.iter_errors(abridged))
     except ValueError:  # it puts values into text, and Python refuses such integers
         raise InputError("numbers must fit binary64; an integer has thousands of digits.") from None
     if errors:
         raise InputError(_sentence(min(errors, key=_rank), body, validator.schema))
 
 
-@cache  # of a file that does not change: reading it takes longer than a problem
-def _validator() -> Value:
-    import jsonschema  # slow to import
+def _is_accepted(body: Value) -> bool:
+    try:
+        return accepts(body, _schema(), _schema())
+    except (UnknownKeyword, TypeError):  # keys of a dict in Python may be no text
+        return False
 
-    text = files("obsdesign").joinpath("problem/problem.schema.json").read_text("utf-8")
-    return jsonschema.Draft202012Validator(json.loads(text))
+
+@cache  # of a file that does not change: reading it takes longer than a problem
+def _schema() -> Value:
+    return json.loads(files("obsdesign").joinpath("problem/problem.schema.json").read_text("utf-8"))
+
+
+@cache
+def _validator() -> Value:
+    import jsonschema  # slow to import, and files without errors do without
+
+    return jsonschema.Draft202012Validator(_schema())
 
 
 def _abridged(value: Value) -> Value:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.decide.mode_stability import decide_modes
@@ -89,6 +88,8 @@ def _filter_gain(problem: Problem, noise: float) -> Matrix | None:
     rows = np.abs(C).max(axis=1)
     rows[rows == 0] = 1.0
     C = C / rows[:, None]
+    from scipy.linalg import solve_discrete_are  # slow to import
+
     try:
         P = solve_discrete_are(A.T, C.T, np.eye(len(A)), noise * np.eye(len(C)))
         K = np.linalg.solve(C @ P @ C.T + noise * np.eye(len(C)), C @ P).T

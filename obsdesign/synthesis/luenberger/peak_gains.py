@@ -12,7 +12,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
@@ -99,6 +98,8 @@ class GainSearch:
             "maxfev": _EVALUATIONS * len(first), "xatol": 1e-3, "fatol": 1e-4,
             "initial_simplex": np.vstack([first, first + np.diag(steps)]),
         }  # fmt: skip
+        from scipy.optimize import minimize  # slow to import, and few plants have parameters
+
         result = minimize(
             lambda z: self._admitted_cost(gains_of(z)), first, method="Nelder-Mead", options=options
         )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.balancing import BalancedPlant
@@ -63,6 +62,8 @@ def _gain(A: Matrix, C: Matrix, D: Matrix, N: Matrix, variance: float) -> Matrix
     free = np.eye(len(C)) - C @ D @ N
     F, H = A - D @ N @ C @ A, free @ C @ A
     R = variance * np.eye(len(C))
+    from scipy.linalg import solve_discrete_are  # slow to import
+
     try:
         P = solve_discrete_are(F.T, H.T, np.eye(len(A)), R)
         K = np.linalg.solve(H @ P @ H.T + R, H @ P @ F.T).T
