@@ -123,27 +123,26 @@ class Stretches:
         lower, upper = np.empty((rows, n)), np.empty((rows, n))
         status, row = ["ok"] * rows, 0
         events: list[object] = []
-        ends = self._ends()
+        ends, times, jumps = self._ends().tolist(), record.t.tolist(), record.jump.tolist()
         while row < rows:
-            state, together = self._next(state, range(row, int(ends[row])))
-            if together is not None:
-                done = slice(row, row + len(together.lower))
-                lower[done], upper[done] = together.lower, together.upper
-                row = done.stop
+            if ends[row] - row >= _FEWEST_ROWS:
+                state, together = self._next(state, range(row, ends[row]))
+                if together is not None:
+                    done = slice(row, row + len(together.lower))
+                    lower[done], upper[done] = together.lower, together.upper
+                    row = done.stop
             if row < rows:
-                state, estimate = step(state, self._sample(row))
+                state, estimate = step(state, self._sample(row, times[row], jumps[row]))
                 lower[row], upper[row] = estimate.lower, estimate.upper
                 status[row] = estimate.status
                 events += estimate.events
                 row += 1
         return state, Batch(record.t, None, lower, upper, None, tuple(status), tuple(events))
 
-    def _sample(self, row: int) -> Sample:
+    def _sample(self, row: int, t: float, jump: bool) -> Sample:
         u, w = (None if block is None else block[row] for block in (self.record.u, self.record.w))
         bounds = None if self.record.bounds is None else self.record.bounds[row]
-        return Sample(
-            float(self.record.t[row]), self.y[row], u, w, bool(self.record.jump[row]), bounds
-        )
+        return Sample(t, self.y[row], u, w, jump, bounds)
 
     def _ends(self) -> Indices:
         """Return for each row the first later one that is not a sample one equal step later."""
@@ -171,7 +170,7 @@ class Stretches:
         """
         kernels, times, row = self.kernels, self.record.t, span.start
         first_t = float(times[row])
-        if not (state.is_ordinary and state.started and len(span) >= _FEWEST_ROWS):
+        if not (state.is_ordinary and state.started):
             return state, None
         is_periodic, has_y = kernels.is_periodic, state.y is not None
         if not (self.clock.is_in_time(state, first_t) if is_periodic else has_y):
