@@ -29,7 +29,7 @@ class Carried(NamedTuple):
     """What the next row needs of numbers: e, the measurement that it starts from, and u.
 
     since_jump: ticks since the last jump, None before the first; history: number of the sequence of
-    the last spacings.
+    the last spacings; has_gap: was the last sample missing?
     """
 
     e: Matrix
@@ -37,6 +37,7 @@ class Carried(NamedTuple):
     u: Matrix
     since_jump: int | None = None
     history: int = 0
+    has_gap: bool = False
 
 
 class Execution:
@@ -72,6 +73,8 @@ class Execution:
         if flow is not None:
             place = flow[_MODES[state.y is not None, used is not None]]
             ends, e = self._applied(place, e, state.y, used, state.u)
+            if program.refines_gaps and (used is None or state.has_gap):
+                ends = self._refined(e, ends)
         elapsed = state.since_jump
         if elapsed is not None and row.step:
             elapsed += program.timing.ticks[row.step - 1]
@@ -81,13 +84,36 @@ class Execution:
             corrected = y is not None and when != "none"
             place = program.jumps[cell][corrected]
             w = self._numbers(np.zeros(program.sizes.l) if row.w is None else row.w)
-            ends, e = self._applied(place, e, None, y if corrected else None, w)
+            known = np.concatenate([np.zeros(program.sizes.before_jump_inputs, w.dtype), w])
+            ends, e = self._applied(place, e, None, y if corrected else None, known)
+            if used is None and program.through and row.step:
+                ends, e = self._cut(row.step, state, w, ends, e)
             if corrected and program.still is not None:
                 ends, e = self._applied(program.still, e, None, y, state.u)
             elapsed = 0
         kept = y if not row.jump or when == "after" else None
         u = state.u if row.u is None else self._numbers(row.u)
-        return Carried(e, kept, u, elapsed, cell), ends[program.answer]
+        has_gap = y is None and not row.jump
+        return Carried(e, kept, u, elapsed, cell, has_gap), ends[program.answer]
+
+    def _cut(
+        self, step: int, state: Carried, w: Matrix, ends: Matrix, e: Matrix
+    ) -> tuple[Matrix, Matrix]:
+        """Ends after a jump, with those of step and jump as one product."""
+        place = self.program.through[step]
+        assert place is not None
+        _, whole = self._applied(place, state.e, None, None, np.concatenate([state.u, w]))
+        both = np.maximum(e, whole)
+        cut = self._refined(both, ends)
+        return (ends, e) if cut is ends else (cut, both)
+
+    def _refined(self, box: Matrix, ends: Matrix) -> Matrix:
+        """Bounds of x, cut with those that the box gives; as they are where these cross."""
+        still = self.program.flows[0]
+        assert still is not None
+        of_x, _ = self._applied(still["none"], box, None, None, self._numbers(np.zeros(0)))
+        cut = np.maximum(ends, of_x)
+        return ends if _crossed(box) or _crossed(cut) else cut
 
     def _cell(self, elapsed: int | None, history: int) -> int:
         """Place of the gain of a jump, `elapsed` ticks after the last one."""

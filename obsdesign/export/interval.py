@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries
-from lmi.arithmetic.enclosure import Enclosure
+from lmi.arithmetic.enclosure import Enclosure, stack
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.errors import InputError
 from obsdesign.export.precision import Precision
@@ -13,7 +13,8 @@ from obsdesign.export.program import Product, Program, Rules, Sizes, Tables
 from obsdesign.export.timing import Steps, timing_of
 from obsdesign.runtime.clocks.time_stamps import length_error
 from obsdesign.runtime.interval.kernel import Kernel
-from obsdesign.runtime.interval.kernel_rows import Rows
+from obsdesign.runtime.interval.kernel_rows import Cuts, Rows, kernel
+from obsdesign.runtime.interval.maps import BoxMap, flow_and_jump_spread, jump_maps
 from obsdesign.runtime.interval.model import Model, size
 from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.step_cache import shared_length
@@ -39,30 +40,37 @@ def interval_program(entries: Entries, target: Precision, steps: Steps) -> Progr
     kernels = StepKernels(gains)
     n, names = gains.n, _CONTINUOUS if period is None else _PERIODIC
     columns = gains.columns
-    sizes = Sizes(n, gains.p, int(columns["u"]), int(columns["w"]), 2 * n)
+    has_through = period is not None and gains.G is not None
+    sizes = Sizes(n, gains.p, int(columns["u"]), int(columns["w"]), 2 * n, has_through)
     tables = Tables(target)
-
-    def product(kernel: Kernel, inputs: int) -> Product:
-        return _product(kernel, sizes, inputs)
 
     still = kernels.still
     first = _STILL if period is None else _PERIODIC
-    flows = [tables.flow({mode: product(still[name], sizes.m) for mode, name in first.items()})]
+    flows = [
+        tables.flow({mode: _product(still[name], sizes, sizes.m) for mode, name in first.items()})
+    ]
+    through: list[int | None] = [None]
     for length in steps.listed(period):
-        of_step = kernels.built(*_enclosed(length, target, steps.error))
+        enclosed = _enclosed(length, target, steps.error)
+        of_step = kernels.built(*enclosed)
+        if has_through:
+            both = _through_jump(kernels, of_step.box_map("none"), *enclosed)
+            through.append(tables.place(_product(both, sizes, sizes.m + sizes.l)))
         flows.append(
-            tables.flow({mode: product(of_step[name], sizes.m) for mode, name in names.items()})
+            tables.flow(
+                {mode: _product(of_step[name], sizes, sizes.m) for mode, name in names.items()}
+            )
         )
     jumps: tuple[tuple[int, int], ...] = ()
     if gains.G is not None:
-        plain = tables.place(product(kernels.jumps[False], sizes.l))
+        plain = tables.place(_jump_product(kernels.jumps[False], sizes))
         corrected = kernels.jumps.get(True)
         jumps = (
-            (plain, plain if corrected is None else tables.place(product(corrected, sizes.l))),
+            (plain, plain if corrected is None else tables.place(_jump_product(corrected, sizes))),
         )
     again = None
     if period is not None and gains.jump_measurement == "after":
-        again = tables.place(product(still["sampled"], sizes.m))
+        again = tables.place(_product(still["sampled"], sizes, sizes.m))
     initial = _initial(kernels.model, sizes)
     place = None if initial is None else tables.place(initial)
     timing = timing_of(
@@ -74,7 +82,7 @@ def interval_program(entries: Entries, target: Precision, steps: Steps) -> Progr
     )  # fmt: skip
     return Program(
         "interval", target, sizes, tuple(tables.products), tuple(flows), jumps, again, place,
-        timing, rules,
+        timing, rules, through=tuple(through) if has_through else (),
     )  # fmt: skip
 
 
@@ -85,18 +93,44 @@ def _enclosed(length: float, target: Precision, relative: float) -> tuple[float,
     return shared, max(error, (relative * (1.0 + target.unit) + 4.0 * target.unit) * length)
 
 
-def _product(kernel: Kernel, sizes: Sizes, inputs: int) -> Product:
+def _through_jump(kernels: StepKernels, free: BoxMap, h: float, h_error: float) -> Kernel:
+    """The kernel of a step and of a jump at its end without measurement, inputs [u; w].
+
+    |G e^(A h)| is at most |G| |e^(A h)|: widths are claimed with the first (`interval.course`).
+    """
+    model, gains = kernels.model, kernels.gains
+    first = gains.n + 2 * gains.p
+    jump = jump_maps(model, gains)[False].X
+    of_z, of_w, of_one = (
+        Enclosure(jump.mid[:, columns], jump.rad[:, columns])
+        for columns in (slice(gains.n), slice(first, -1), slice(-1, None))
+    )
+    flow = of_z @ free.X
+    known, last = (
+        Enclosure(flow.mid[:, columns], flow.rad[:, columns])
+        for columns in (slice(-1), slice(-1, None))
+    )
+    R, g = flow_and_jump_spread(model, gains, h, h_error)
+    step = BoxMap(stack([[known, of_w, last + of_one]]), R, g)
+    return kernel(model, step, gains.C, Cuts())
+
+
+def _jump_product(made: Kernel, sizes: Sizes) -> Product:
+    return _product(made, sizes, sizes.l, sizes.before_jump_inputs)
+
+
+def _product(made: Kernel, sizes: Sizes, inputs: int, before: int = 0) -> Product:
     """The product of a kernel; its bounds without cuts are mostly among the candidates."""
-    n2, rooms = 2 * kernel.n, 2 * kernel.p
-    blocks = list(kernel.rows[rooms + 1 :].reshape(-1, n2, kernel.width))
+    n2, rooms = 2 * made.n, 2 * made.p
+    blocks = list(made.rows[rooms + 1 :].reshape(-1, n2, made.width))
     whole: list[int] = []
-    for block in kernel.whole.reshape(-1, n2, kernel.width):
+    for block in made.whole.reshape(-1, n2, made.width):
         same = [place for place, other in enumerate(blocks) if np.array_equal(block, other)]
         whole += same[:1] or [len(blocks)]
         blocks += [] if same else [block]
-    rows = np.vstack([kernel.rows[: rooms + 1], *blocks])
-    rows = sizes.widened(rows, inputs, has_magnitudes=True)
-    return Product(rows, rooms, kernel.candidates, kernel.inner, (whole[0], whole[-1]))
+    rows = np.vstack([made.rows[: rooms + 1], *blocks])
+    rows = sizes.widened(rows, inputs, has_magnitudes=True, before=before)
+    return Product(rows, rooms, made.candidates, made.inner, (whole[0], whole[-1]))
 
 
 def _initial(model: Model, sizes: Sizes) -> Product | None:

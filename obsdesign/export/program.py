@@ -119,7 +119,9 @@ class Program:
     carries; products: all tables, each once; flows: of each length by `FLOWS` the places of tables,
     the first of length zero, None where nothing changes; jumps: of each dwell cell, or sequence of
     spacings, those without and with a measurement; still, initial: places, None where there are
-    none. first, q: place of x in what a point observer carries, number of unknown inputs after it.
+    none. through: of each length a step and a jump at its end without a measurement, as one
+    product, none without periodic samples. first, q: place of x in what a point observer carries,
+    number of unknown inputs after it.
     """
 
     kind: str
@@ -134,6 +136,7 @@ class Program:
     rules: Rules
     first: int = 0
     q: int = 0
+    through: tuple[int | None, ...] = ()
 
     @property
     def answer(self) -> slice:
@@ -147,6 +150,11 @@ class Program:
         return self.kind == "interval"
 
     @property
+    def refines_gaps(self) -> bool:
+        """Do bounds of z cut those of x once more where a periodic sample is missing?"""
+        return self.rules.is_periodic and any(product.inner for product in self.products)
+
+    @property
     def width(self) -> int:
         """Length of v, magnitudes included."""
         return self.sizes.middle * (2 if self.has_bounds else 1)
@@ -154,29 +162,45 @@ class Program:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Numbers of states, outputs, inputs of the flow and of the jump, and of what is carried."""
+    """Numbers of states, outputs, inputs of the flow and of the jump, and of what is carried.
+
+    is_apart: do inputs of flow and jump have places of their own in v, as products of both need?
+    """
 
     n: int
     p: int
     m: int
     l: int  # noqa: E741
     ends: int
+    is_apart: bool = False
+
+    @property
+    def before_jump_inputs(self) -> int:
+        """Known inputs before those of the jump."""
+        return self.m if self.is_apart else 0
 
     @property
     def known(self) -> int:
         """Known inputs in v, of the flow or of the jump."""
-        return max(self.m, self.l)
+        return max(self.m, self.before_jump_inputs + self.l)
 
     @property
     def middle(self) -> int:
         """Length of v without magnitudes."""
         return self.ends + 2 * self.p + self.known + 1
 
-    def widened(self, rows: Matrix, inputs: int, *, has_magnitudes: bool) -> Matrix:
-        """Rows for `inputs` known numbers as rows for as many as v has."""
-        added = np.zeros((len(rows), self.known - inputs))
+    def widened(
+        self, rows: Matrix, inputs: int, *, has_magnitudes: bool, before: int = 0
+    ) -> Matrix:
+        """Rows for `inputs` known numbers as rows for all that v has, the first after `before`."""
+        first, last = (
+            np.zeros((len(rows), count)) for count in (before, self.known - inputs - before)
+        )
         parts = np.hsplit(rows, 2) if has_magnitudes else [rows]
-        return np.hstack([np.hstack([part[:, :-1], added, part[:, -1:]]) for part in parts])
+        blocks = (np.hsplit(part, [-inputs - 1, -1]) for part in parts)
+        return np.hstack(
+            [np.hstack([e, first, known, last, constant]) for e, known, constant in blocks]
+        )
 
 
 class Tables:

@@ -72,6 +72,8 @@ def _context(export: Export) -> NewEntries:
         "has_jumps": has_jumps, "when": rules.when, "corrects": rules.corrects,
         "is_periodic": rules.is_periodic, "jump_words": _JUMP_WORDS[rules.when],
         "still": program.still, "initial": program.initial,
+        "through": [-1 if each is None else each for each in program.through],
+        "has_gap": program.refines_gaps, "before_w": sizes.before_jump_inputs,
         "flows": flat_flows(program.flows), "jumps": program.jumps,
         "input_bounds": _input_bounds(export),
     } | _tables(export) | _names(export) | _timing(export, has_jumps)  # fmt: skip

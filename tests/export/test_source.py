@@ -14,6 +14,8 @@ from obsdesign.export.folder import write_code
 from obsdesign.export.manifest import Options
 from obsdesign.export.programs import typed_gains
 from obsdesign.export.record import record_of, rows_of
+from obsdesign.export.self_test import answers
+from obsdesign.export.source import Export
 from obsdesign.export.timing import Steps
 from obsdesign.runtime import Sample, from_design
 from tests.export.plants import PROBLEMS, design_named
@@ -98,6 +100,18 @@ def test_float_encloses_double(name: str) -> None:
         second, outer = wide.step(second, row)
         assert (outer <= inner).all()
         assert (inner - outer < 1e-3).all()
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_double_is_the_runtime_up_to_rounding(name: str) -> None:
+    """Bounds are wider by rounding alone, and narrower by errors of time stamps alone."""
+    design, steps = design_named(name)
+    program = Options("double", Steps(steps)).program(design)
+    record = record_of(design, program, typed_gains(design))
+    ours = answers(Export(program, "", design.digest, "obs", {}), record)
+    size = 1.0 + np.abs(record.ends).max(axis=0)
+    assert ((record.ends - ours) / size).max() < 1e-13
+    assert ((ours - record.ends) / size).max() < 1e-11
 
 
 @pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only", "-Ofast"])
