@@ -29,7 +29,8 @@ class Carried(NamedTuple):
     """What the next row needs of numbers: e, the measurement that it starts from, and u.
 
     since_jump: ticks since the last jump, None before the first; history: number of the sequence of
-    the last spacings; has_gap: was the last sample missing?
+    the last spacings; has_gap: was the last sample missing? filled: samples in
+    the window, without a gap.
     """
 
     e: Matrix
@@ -38,6 +39,7 @@ class Carried(NamedTuple):
     since_jump: int | None = None
     history: int = 0
     has_gap: bool = False
+    filled: int = 0
 
 
 class Execution:
@@ -70,6 +72,8 @@ class Execution:
         y = None if row.y is None else self._numbers(row.y)
         used = y if not row.jump or when == "before" else None
         ends = e = state.e
+        if program.full is not None and row.step and state.filled >= program.rules.samples:
+            flow = program.full
         if flow is not None:
             place = flow[_MODES[state.y is not None, used is not None]]
             ends, e = self._applied(place, e, state.y, used, state.u)
@@ -94,7 +98,10 @@ class Execution:
         kept = y if not row.jump or when == "after" else None
         u = state.u if row.u is None else self._numbers(row.u)
         has_gap = y is None and not row.jump
-        return Carried(e, kept, u, elapsed, cell, has_gap), ends[program.answer]
+        filled = 0 if used is None else state.filled + 1
+        if row.jump:
+            filled = int(when == "after" and y is not None)
+        return Carried(e, kept, u, elapsed, cell, has_gap, filled), ends[program.answer]
 
     def _cut(
         self, step: int, state: Carried, w: Matrix, ends: Matrix, e: Matrix

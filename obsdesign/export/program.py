@@ -98,7 +98,8 @@ class Rules:
     samples events, a period apart? allows_no_second_jump: between two of them? input_bound,
     jump_input_bound: largest |u| and |w| that bounds of the error of a point estimate count on,
     None without any. window: spacings that the gain of a jump depends on, the last ones; 0 of none.
-    bridges_gaps: are estimates after a missing sample those of the runtime?
+    samples: of the window that an estimate comes from, 0 without one. bridges_gaps: are estimates
+    after a missing sample those of the runtime?
     """
 
     when: str
@@ -108,6 +109,7 @@ class Rules:
     input_bound: Matrix | None = None
     jump_input_bound: Matrix | None = None
     window: int = 0
+    samples: int = 0
     bridges_gaps: bool = True
 
 
@@ -121,7 +123,7 @@ class Program:
     spacings, those without and with a measurement; still, initial: places, None where there are
     none. through: of each length a step and a jump at its end without a measurement, as one
     product, none without periodic samples. first, q: place of x in what a point observer carries,
-    number of unknown inputs after it.
+    number of unknown inputs after it. full: by `FLOWS` a step with a full window of samples.
     """
 
     kind: str
@@ -137,6 +139,7 @@ class Program:
     first: int = 0
     q: int = 0
     through: tuple[int | None, ...] = ()
+    full: Mapping[str, int] | None = None
 
     @property
     def answer(self) -> slice:

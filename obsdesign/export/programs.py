@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from obsdesign.document import Design
+from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.equations.gains import Gains
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.errors import InputError
+from obsdesign.export.finite_time import finite_time_program
 from obsdesign.export.impulsive import impulsive_program
 from obsdesign.export.interval import interval_program
 from obsdesign.export.luenberger import luenberger_program
@@ -20,10 +22,11 @@ from obsdesign.export.unknown_input import unknown_input_program
 _PROGRAMS = {
     "interval": interval_program, "luenberger": luenberger_program,
     "impulsive": impulsive_program, "unknown_input": unknown_input_program,
+    "finite_time": finite_time_program,
 }  # fmt: skip
 _GAINS: dict[str, type[Gains]] = {
     "interval": IntervalGains, "luenberger": LuenbergerGains, "impulsive": ImpulsiveGains,
-    "unknown_input": UnknownInputGains,
+    "unknown_input": UnknownInputGains, "finite_time": FiniteTimeGains,
 }  # fmt: skip
 # entries of gains that the code has no operations for
 _BLOCKS = {

@@ -54,7 +54,9 @@ def record_of(design: Design, program: Program, gains: Gains) -> Record:
         sample = Sample(float(ticks * program.timing.tick), row.y, row.u, row.w, row.jump)
         state, estimate = observer.step(state, sample)
         low, high = estimate.lower, estimate.upper
-        parts = [estimate.x, estimate.d] if low is None or high is None else [low, -high]
+        parts = [estimate.x, estimate.d]
+        if program.has_bounds and low is not None and high is not None:
+            parts = [low, -high]
         ends.append(np.concatenate([part for part in parts if part is not None]))
         is_ok.append(estimate.status == "ok")
     return Record(initial, rows, np.nan_to_num(np.array(ends)), is_ok)
@@ -84,10 +86,8 @@ def rows_of(
         measured = before if program.rules.when == "before" else x
         y = _measurement(program, gains, measured, random)
         is_missing = random.random() < _MISSING or (jump and program.rules.when == "none")
-        if (
-            not program.rules.bridges_gaps
-        ):  # what a missing sample leaves to later gains is not exported
-            is_missing = not jump
+        if not program.rules.bridges_gaps:  # later rows differ from the runtime's
+            is_missing = bool(program.rules.window) and not jump
         u = target.nearest(random.uniform(-1.0, 1.0, sizes.m))
         rows.append(Row(step, None if is_missing else y, u, w, jump))
     return rows

@@ -73,6 +73,7 @@ def _context(export: Export) -> NewEntries:
         "is_periodic": rules.is_periodic, "jump_words": _JUMP_WORDS[rules.when],
         "still": program.still, "initial": program.initial,
         "through": [-1 if each is None else each for each in program.through],
+        "samples": rules.samples, "full": flat_flows([program.full])[0],
         "has_gap": program.refines_gaps, "before_w": sizes.before_jump_inputs,
         "flows": flat_flows(program.flows), "jumps": program.jumps,
         "input_bounds": _input_bounds(export),

@@ -25,6 +25,15 @@ def problem(kind: str, output: dict[str, Any], jump: dict[str, Any] | None, **ga
     return body | ({} if jump is None else {"jump": jump})
 
 
+def windowed(flow: dict[str, Any], jump: dict[str, Any] | None = None, **output: Any) -> Any:
+    """A plant that is known a window of samples after a jump."""
+    body = {
+        "flow": {"A": [[-0.5, 1.0], [-1.0, 0.1]]} | flow, "output": {"C": [[1.0, 0.0]], "measured":
+        "periodic", "period": 0.1} | output, "observer": {"kind": "finite_time", "window": 0.5},
+    }  # fmt: skip
+    return body | ({} if jump is None else {"jump": jump | {"dwell_time": [1.0, INF]}})
+
+
 def impulses(dwell: list[float], when: str, **options: Any) -> Any:
     """A plant that is measured at its jumps."""
     flow = {"A": [[-0.1, 1.0, 0.0], [0.0, -0.1, 1.0], [0.0, 0.0, -0.2]], "B": [[0], [0], [1]]}
@@ -57,6 +66,10 @@ PROBLEMS: dict[str, tuple[Any, tuple[float, ...]]] = {
     "point_jitter": (
         problem("luenberger", {}, JUMP | {"dwell_time": [0.3, 2.0], "dwell_jitter": 0.1}), (0.05,)
     ),
+    "window": (windowed({}), ()),
+    "window_driven": (windowed({"B": [[0.0], [1.0]]}), ()),
+    "window_jumps": (windowed({"B": [[0.0], [1.0]]}, JUMP), ()),
+    "window_after": (windowed({}, JUMP, jump_measurement="after"), ()),
     "unknown": (UNKNOWN, (0.05, 0.1)),
 } | {
     name: (impulses(dwell, when, **options), (0.1,))

@@ -131,6 +131,29 @@ def test_windows_with_too_many_gains() -> None:
     assert Options("double", Steps((0.05,))).program(design).jumps
 
 
+@pytest.mark.parametrize(
+    ("name", "more", "steps", "part"),
+    [
+        ("window", {}, (0.2,), "every 0.1, no others"),
+        ("window", {"window": 25.0}, (), "carries 254 numbers"),
+        (
+            "window",
+            {"method": "approximate", "half_sample_correction": False},
+            (),
+            "half_sample_correction",
+        ),
+    ],
+)
+def test_windows_without_code(
+    name: str, more: dict[str, Any], steps: tuple[float, ...], part: str
+) -> None:
+    body, _ = PROBLEMS[name]
+    observer = body["observer"] | more
+    design = designed(body | {"observer": observer}, allow_undecided=True)
+    with pytest.raises(InputError, match=part):
+        Options("double", Steps(steps)).program(design)
+
+
 def test_numbers_beyond_a_float_are_refused() -> None:
     flow: dict[str, Any] = {"A": [[-1.0, 0.0], [1e60, -1.0]]}
     body = {"flow": flow, "output": {"C": [[1, 1]], "noise_bound": [0.1]},

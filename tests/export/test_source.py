@@ -67,7 +67,10 @@ def test_c_is_the_program_bit_for_bit(name: str, precision: str, tmp_path: Path)
         assert (status == 0) is is_ok
 
 
-@pytest.mark.parametrize("name", ["point", "point_after", "impulses", "impulses_equal"])
+@pytest.mark.parametrize(
+    "name",
+    ["point", "point_after", "impulses", "impulses_equal", "window_driven", "window_jumps"],
+)
 def test_point_estimates_are_those_of_the_runtime(name: str) -> None:
     design, steps = design_named(name)
     program, observer = Options("double", Steps(steps)).program(design), from_design(design)

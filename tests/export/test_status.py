@@ -19,7 +19,7 @@ from tests.systems.designs import designed
 MISSING, DWELL, UNCERTIFIED, OUTSIDE, CROSSED, OVERFLOW, STEP, VOID = (1 << k for k in range(8))
 # where each reason of the runtime stands in C
 WORDS = {"missing sample": MISSING, "dwell time": DWELL, "change": DWELL,
-         "no width": UNCERTIFIED, "not certified": UNCERTIFIED, "since the last sample": UNCERTIFIED}  # fmt: skip
+         "no width": UNCERTIFIED, "not certified": UNCERTIFIED, "window not full": UNCERTIFIED, "since the last sample": UNCERTIFIED}  # fmt: skip
 
 
 def with_noise(name: str) -> tuple[Any, tuple[float, ...]]:
