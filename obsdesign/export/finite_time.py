@@ -54,8 +54,8 @@ def _refuse(window: _Window, lengths: tuple[float, ...]) -> None:
         raise InputError(f"--steps: rows of this design come every {gains.period!r}, no others.")
     if window.constants.inputs is not None:
         raise InputError(
-            "half_sample_correction = false cannot be exported to C; design with it, or with another "
-            "method."
+            "half_sample_correction = false cannot be exported to C; design with it, or with "
+            "another method."
         )
     if window.sizes.ends > _MOST_CARRIED:
         raise InputError(
