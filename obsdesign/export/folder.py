@@ -6,18 +6,19 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from lmi.arithmetic.arrays import NewEntries, Value
 from obsdesign.design_file import load_design
 from obsdesign.document import Claim, Design
 from obsdesign.errors import InputError, naming
-from obsdesign.export.manifest import Options, manifest_of, options_of
+from obsdesign.export.manifest import Options, claim_of, manifest_of, options_of
 from obsdesign.export.programs import typed_gains
 from obsdesign.export.record import record_of
 from obsdesign.export.self_test import self_test_words
 from obsdesign.export.source import Export, rendered
-from obsdesign.input_files import read_text
+from obsdesign.input_files import parse_json, read_text
 from obsdesign.output_files import write_text
 
 DESIGN, MANIFEST = "design.json", "manifest.json"
@@ -33,7 +34,7 @@ def write_code(design: Design, folder: str | os.PathLike[str], options: Options)
     The folder is made where there is none. InputError for a design that cannot be exported, and
     where the folder cannot be written.
     """
-    texts = code_texts(design, options)
+    texts, _ = _texts(design, options)
     path = Path(folder)
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -45,19 +46,21 @@ def write_code(design: Design, folder: str | os.PathLike[str], options: Options)
     return [DESIGN, *texts]
 
 
-def code_texts(design: Design, options: Options) -> dict[str, str]:
-    """Texts of all files but the design, by name."""
+def _texts(design: Design, options: Options) -> tuple[dict[str, str], Claim]:
+    """Texts of all files but the design, by name, and the claim about them."""
     program, gains = options.program(design), typed_gains(design)
     names = design.problem.get("names") or {}
     export = Export(program, design.name, design.digest, options.prefix, names)
     record = record_of(design, program, gains)
     manifest = manifest_of(export, record, options, design)
+    claim = claim_of(program, manifest)
+    manifest["claims"] = [claim.to_dict()]
     words = {
         "rows": len(record.rows), "cost": f"{100.0 * manifest['width_cost']:.2g} %",
         "rounding": f"{manifest['rounding_of_a_step']:.2g}",
     }  # fmt: skip
     p = options.prefix
-    return {
+    texts = {
         f"{p}.h": rendered("observer.h.j2", export),
         f"{p}.c": rendered("observer.c.j2", export),
         f"{p}_test.c": rendered("observer_test.c.j2", export, **self_test_words(export, record)),
@@ -65,6 +68,7 @@ def code_texts(design: Design, options: Options) -> dict[str, str]:
         "CMakeLists.txt": rendered("CMakeLists.txt.j2", export),
         MANIFEST: json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False),
     }
+    return texts, claim
 
 
 def code_claim(folder: str | os.PathLike[str]) -> tuple[Design, Claim]:
@@ -76,48 +80,50 @@ def code_claim(folder: str | os.PathLike[str]) -> tuple[Design, Claim]:
     design = load_design(path / DESIGN)
     with naming(path / MANIFEST):
         options = options_of(_manifest(path / MANIFEST), design)
-        texts = code_texts(design, options)
+        texts, claim = _texts(design, options)
     worst: NewEntries = {}
     for name, text in texts.items():
         difference = _difference(path / name, text)
         if difference is not None and (not worst or not difference["numbers_only"]):
             worst = {"file": name, **difference}
-    margin = json.loads(texts[MANIFEST])["smallest_margin"]
-    return design, _claim(worst, margin)
+    return design, _claim(worst, claim)
 
 
-def _claim(worst: Mapping[str, Value], margin: float | None) -> Claim:
-    statement = (
-        "tables, source and manifest are those of the design, and their margins cover the "
-        "rounding of every operation"
-    )
-    verdict, evidence = "proved", {"smallest_margin": margin}
-    if worst:
-        verdict = "undecided" if worst["numbers_only"] else "refuted"
-        evidence = dict(worst)
-    return Claim("code", statement, "N. J. Higham (2002), section 3.1", verdict, evidence)
+def _claim(worst: Mapping[str, Value], stated: Claim) -> Claim:
+    """The claim of the manifest, for the files that are there."""
+    if not worst:
+        return stated
+    verdict = "undecided" if worst["numbers_only"] else "refuted"
+    return replace(stated, verdict=verdict, evidence=dict(worst))
 
 
 def _manifest(path: Path) -> Value:
     try:
-        return json.loads(read_text(path))
-    except ValueError as error:
+        return parse_json(read_text(path))
+    except (ValueError, RecursionError) as error:
         raise InputError(f"not JSON: {error}.") from None
 
 
 def _difference(path: Path, text: str) -> NewEntries | None:
-    """The first line in which a file is not `text`; None where there is none."""
+    """The first line in which a file is not `text`; None where there is none.
+
+    Numbers in their last digits count where nothing else differs.
+    """
     try:
         lines = read_text(path).splitlines()
     except InputError as error:
         return {"line": 0, "reason": str(error), "numbers_only": False}
-    own = text.splitlines()
-    numbers_only = len(lines) == len(own) and all(map(_differs_in_numbers, lines, own))
-    for k, (stated, wanted) in enumerate(_padded(lines, own), start=1):
-        if stated != wanted:
-            why = f"has {_short(stated)} where the design gives {_short(wanted)}"
-            return {"line": k, "reason": why, "numbers_only": numbers_only}
-    return None
+    pairs = _padded(lines, text.splitlines())
+    differing = [k for k, (stated, wanted) in enumerate(pairs) if stated != wanted]
+    if not differing:
+        return None
+    others = [k for k in differing if not _differs_in_numbers(*pairs[k])]
+    place = (others or differing)[0]
+    stated, wanted = map(_short, pairs[place])
+    reason = f"{path.name} line {place + 1} has {stated} where the design gives {wanted}"
+    if not others:
+        reason += "; last digits alone: another machine may sum in another order. Export again here"
+    return {"line": place + 1, "reason": reason, "numbers_only": not others}
 
 
 def _padded(first: Sequence[str], second: Sequence[str]) -> list[tuple[str, str]]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from lmi.arithmetic.arrays import NewEntries, Value
-from obsdesign.document import Design
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from obsdesign.document import Claim, Design
 from obsdesign.errors import InputError
 from obsdesign.export.execution import width_cost
 from obsdesign.export.precision import PRECISIONS, gamma
@@ -59,6 +60,19 @@ def manifest_of(export: Export, record: Record, options: Options, design: Design
     }  # fmt: skip
 
 
+def claim_of(program: Program, manifest: Entries) -> Claim:
+    """The claim `code` of files that are what the design gives, from the counts of a manifest."""
+    margin, rounding = manifest["smallest_margin"], manifest["rounding_of_a_step"]
+    what = "tables, source and manifest are those of the design"
+    source = "N. J. Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.1"
+    if not program.has_bounds:
+        statement = f"{what}; a step rounds by at most {rounding:.2g} of the sum of its magnitudes"
+        return Claim("code", statement, source, "proved", {"rounding_of_a_step": rounding})
+    statement = f"{what}, and their margins cover the rounding of every operation"
+    verdict = "proved" if margin >= 1.0 else "refuted"
+    return Claim("code", statement, source, verdict, {"smallest_margin": margin})
+
+
 def options_of(manifest: Value, design: Design) -> Options:
     """The options that a manifest states; InputError where it is none, or of another design."""
     if not isinstance(manifest, Mapping) or manifest.get("format") != FORMAT:
@@ -69,15 +83,28 @@ def options_of(manifest: Value, design: Design) -> Options:
         raise InputError("the digest of the design is another one than that of design.json.")
     keys = ("precision", "prefix", "steps", "step_error")
     precision, prefix, steps, error = (manifest.get(key) for key in keys)
-    if precision not in PRECISIONS:
+    if not isinstance(precision, str) or precision not in PRECISIONS:
         raise InputError(f"precision must be one of {', '.join(PRECISIONS)}; got {precision!r}.")
     if not isinstance(prefix, str):
         raise InputError(f"prefix must be a text; got {prefix!r}.")
-    if not isinstance(steps, list) or not all(type(each) in (int, float) for each in steps):
+    lengths = [_number(each) for each in steps] if isinstance(steps, list) else [None]
+    known = [each for each in lengths if each is not None]
+    if len(known) < len(lengths):
         raise InputError(f"steps must be a list of numbers; got {steps!r}.")
-    if not isinstance(error, int | float):
+    relative = _number(error)
+    if relative is None:
         raise InputError(f"step_error must be a number; got {error!r}.")
-    return Options(precision, Steps(tuple(float(each) for each in steps), float(error)), prefix)
+    return Options(precision, Steps(tuple(known), relative), prefix)
+
+
+def _number(value: Value) -> float | None:
+    """A number of a file; None for what is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def _multiplications(program: Program) -> int:

@@ -94,6 +94,33 @@ def test_a_missing_file_and_another_design(folder: Path, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
+    ("key", "value", "part"),
+    [
+        ("precision", ["double"], "precision must be"),
+        ("prefix", 3, "prefix must be a text"),
+        ("steps", [10**400], "positive numbers"),
+        ("steps", [True], "list of numbers"),
+        ("step_error", None, "step_error must be"),
+        ("step_error", 3, "--step-error must be"),
+        ("format", "obsdesign/design", "not a manifest"),
+        ("version", 2, "version must be 1"),
+    ],
+)
+def test_a_manifest_that_is_none(folder: Path, key: str, value: Any, part: str) -> None:
+    path = folder / "manifest.json"
+    text = path.read_text()
+    try:
+        path.write_text(json.dumps(json.loads(text) | {key: value}))
+        with pytest.raises(InputError, match=part):
+            code_claim(folder)
+        path.write_text(text[:-3])
+        with pytest.raises(InputError, match="not JSON"):
+            code_claim(folder)
+    finally:
+        path.write_text(text)
+
+
+@pytest.mark.parametrize(
     ("words", "part"),
     [
         (["--to", "c"], "--steps is missing"),
