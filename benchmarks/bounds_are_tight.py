@@ -20,6 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 import obsdesign
+from benchmarks.cases import duration, row
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
@@ -198,15 +199,13 @@ def main(names: list[str] | None = None) -> bool:
         outside = np.array([each.outside for each in exact])
         for label, run in observers_of(case).items():
             if run is None:
-                print(f"{name:10s} {label:10s} no design")
+                row(f"width to the exact one, {name}, {label}", "", "", "no design", "", True)
                 continue
             mean, worst, cost = compared(case, outside, run)
             limit = limits.get((name, label), np.inf)
-            verdict = "" if np.isinf(limit) else f"limit {limit:g}"
-            verdict += "" if mean <= limit else "  ABOVE"
-            good &= mean <= limit
-            print(f"{name:10s} {label:10s} mean {mean:9.3f}  worst {worst:10.2f}  "
-                  f"{cost:7.0f} us  {verdict}", flush=True)  # fmt: skip
+            what = f"width to the exact one, {name}, {label}, worst {worst:.1f}"
+            required = "" if np.isinf(limit) else f"<= {limit:g}"
+            good &= row(what, duration(1e-6 * cost), "", f"{mean:.3f}", required, mean <= limit)
     return good
 
 

@@ -112,13 +112,28 @@ def report(
     *,
     unit: Literal["s", "MB"] = "s",
 ) -> bool:
-    """One line: medians, the median of the ratios, and whether it is above the floor."""
+    """A row: medians, the median of the ratios, and whether it is above the floor, 0 for none."""
     ratio = statistics.median(b / a for a, b in zip(ours, theirs, strict=True))
-    verdict = "ok" if ratio >= floor else "BELOW THE FLOOR"
     mine, other = (
         duration(median) if unit == "s" else f"{median:.2f} {unit}"
         for median in (statistics.median(ours), statistics.median(theirs))
     )
-    print(f"{what:42s} ours {mine:>10s}   theirs {other:>10s}   "
-          f"ratio {ratio:8.2f}   floor {floor:.3g}  {verdict}", flush=True)  # fmt: skip
-    return ratio >= floor
+    required = f">= {floor:.3g}" if floor else ""
+    return row(what, mine, other, f"x {ratio:.2f}", required, ratio >= floor)
+
+
+def row(what: str, ours: str, other: str, measured: str, required: str, is_kept: bool) -> bool:
+    """Print a row of the table, and return whether it holds.
+
+    measured: the number of the claim, `x` the ratio of the other to ours; required: its floor or
+    its limit, empty where nothing is claimed.
+    """
+    verdict = "ok" if is_kept else "DOES NOT HOLD"
+    cells = f"{what:48s} {ours:>10s} {other:>10s} {measured:>10s} {required:>10s}"
+    print(f"{cells}  {verdict if required else '-'}", flush=True)
+    return is_kept
+
+
+def header() -> None:
+    """Print what the columns of the table are."""
+    print(f"{'claim':48s} {'ours':>10s} {'other':>10s} {'measured':>10s} {'required':>10s}")

@@ -56,7 +56,7 @@ def main() -> bool:
                 (THEIRS, theirs, [str(problem), str(out)]),
             ):
                 call = [sys.executable, "-c", script, *words]
-                time, done = seconds(partial(run, call), 3)
+                time, done = seconds(partial(run, call))
                 assert done.returncode == 0, done.stderr
                 times.append(time)
     return report("cold design, n = 4, CVXPY script", ours, theirs, FLOOR)

@@ -2,7 +2,7 @@
 
 `run`, `verify`, `check` and `design` of two small examples. Ceilings: 3.5, 4.5, 11 and 10 times. A
 `check` looks for observers of every kind, and a `design` solves a semidefinite program, for which
-Clarabel imports scipy: two thirds of their times are imports.
+Clarabel imports scipy.
 """
 
 from __future__ import annotations

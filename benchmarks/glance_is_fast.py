@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from benchmarks.cases import report
+from benchmarks.cases import duration, report, row
 from lmi.arithmetic.arrays import NewEntries
 from obsdesign import workflow
 from obsdesign.errors import InputError
@@ -62,9 +62,10 @@ def main() -> bool:
     ours = [timed(check_all, problem) for problem in problems]
     theirs = [timed(designs, problem) for problem in problems]
     typical = float(np.median(ours))
-    print(f"   check {typical:.2f} s (at most {TYPICAL:g}), longest {max(ours):.1f} s, "
-          f"designs {max(theirs):.1f} s")  # fmt: skip
-    return report("check, all designs", ours, theirs, FLOOR) & (typical <= TYPICAL)
+    is_quick = typical <= TYPICAL
+    row("check, median", duration(typical), "", duration(typical), f"<= {TYPICAL:g} s", is_quick)
+    row("check and designs, longest", duration(max(ours)), duration(max(theirs)), "", "", True)
+    return report("check, all designs", ours, theirs, FLOOR) & is_quick
 
 
 if __name__ == "__main__":

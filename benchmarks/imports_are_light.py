@@ -14,7 +14,7 @@ from functools import partial
 from benchmarks.cases import report, seconds
 
 HELP_FLOOR, RUNTIME_CEILING = 8.0, 1.3
-ROUNDS = 9
+ROUNDS = 5
 
 EAGER = """
 import casadi, clarabel, click, cvxpy, flint, highspy, jinja2, jsonschema, matplotlib.figure, numpy
@@ -33,7 +33,7 @@ def main() -> bool:
     for _ in range(ROUNDS):
         for code in (HELP, EAGER, RUNTIME, NUMPY):
             call = [sys.executable, "-c", code]
-            times.setdefault(code, []).append(seconds(partial(run, call), 3)[0])
+            times.setdefault(code, []).append(seconds(partial(run, call))[0])
     good = report("obsdesign --help, eager imports", times[HELP], times[EAGER], HELP_FLOOR)
     least = 1 / RUNTIME_CEILING
     return good & report(f"{RUNTIME}, {NUMPY}", times[RUNTIME], times[NUMPY], least)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from benchmarks.cases import row
 from benchmarks.filters import PERIOD, N, observer
 from obsdesign.runtime import Sample
 
@@ -35,9 +36,8 @@ def main() -> bool:
     tracemalloc.stop()
     grown = peak - early
     good = grown < ROOM and status == "ok"
-    print(f"stream of {ROWS} samples: {grown / 1024:.0f} KiB above the memory after {EARLY}   "
-          f"limit {ROOM // 1024} KiB  {'ok' if good else 'TOO MUCH'}", flush=True)  # fmt: skip
-    return good
+    what = f"memory a stream of {ROWS} samples adds, KiB"
+    return row(what, "", "", f"{grown / 1024:.0f}", f"<= {ROOM // 1024}", good)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import time
 import numpy as np
 from scipy.linalg import expm
 
-from benchmarks.cases import duration
+from benchmarks.cases import duration, row
 from benchmarks.filters import kalman_filter_of
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.interval.splits import metzler_split
@@ -130,7 +130,7 @@ def point_estimates(n: int) -> bool:
         np.testing.assert_allclose(x, other, rtol=1e-9, atol=1e-12)
         ratios.append(peer / own)
         rows.append(own)
-    return verdict(f"luenberger {n} states", rows, ratios, "expm by hand")
+    return verdict(f"luenberger {n} states", rows, ratios, "numpy")
 
 
 def bounds(n: int) -> bool:
@@ -144,16 +144,15 @@ def bounds(n: int) -> bool:
         ratios.append(peer / own)
         rows.append(own)
     cell = statistics.median(cell_seconds(interval_observer(A, C, L)) for _ in range(REPEATS))
-    return verdict(f"interval {n} states", rows, ratios, f"filterpy, expm; a cell {duration(cell)}")
+    row(f"a cell of lengths, interval {n} states", duration(cell), "", "", "", True)
+    return verdict(f"interval {n} states", rows, ratios, "filterpy")
 
 
 def verdict(what: str, rows: list[float], ratios: list[float], peer: str) -> bool:
     ratio = statistics.median(ratios)
-    good = ratio >= FLOOR
-    print(f"{what}   row {duration(statistics.median(rows))}   x {ratio:.2f}"
-          f" (worst {min(ratios):.2f})   floor {FLOOR:g}   {peer}"
-          f"   {'ok' if good else 'BELOW THE FLOOR'}", flush=True)  # fmt: skip
-    return good
+    own = duration(statistics.median(rows))
+    what = f"irregular, {what}, {peer}, worst {min(ratios):.1f}"
+    return row(what, own, "", f"x {ratio:.2f}", f">= {FLOOR:g}", ratio >= FLOOR)
 
 
 def main() -> bool:

@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from benchmarks.cases import duration
+from benchmarks.cases import duration, row
 from obsdesign.runtime.base import Sample
 from tests.systems.set_membership import Case, cases, observer_of
 
@@ -52,9 +52,9 @@ def main() -> bool:
         rows = [pair for seed in range(REPEATS) for pair in added(case, seed)]
         known, more = (statistics.median(values) for values in zip(*rows, strict=True))
         good &= more <= CEILING
-        verdict = "ok" if more <= CEILING else "ABOVE THE CEILING"
-        print(f"{name:10s} {case.n} states   row {duration(known)}   a new length adds "
-              f"{duration(more)}   ceiling {duration(CEILING)}  {verdict}", flush=True)  # fmt: skip
+        what = f"a new length, set_membership, {case.n} states"
+        limit = f"<= {duration(CEILING)}"
+        row(what, duration(known), "", f"+{duration(more)}", limit, more <= CEILING)
     return good
 
 

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.cases import duration, seconds
+from benchmarks.cases import duration, row, seconds
 from lmi.find.clock_matrix import find_clock_matrix
 from lmi.parameters import AffineFamily
 from lmi.prove.parameter_cells import prove_cells
@@ -43,10 +43,11 @@ def main() -> bool:
         prove, again = seconds(partial(prove_cells, family, low, high, verdict.evidence), 3)
         is_proved = verdict.outcome == again.outcome == "proved"
         passed = is_proved and find <= MOST_FIND and prove <= MOST_PROVE
-        print(f"{name:10s}: certificate {duration(find):>10s} (at most {duration(MOST_FIND)}), "
-              f"proof {duration(prove):>10s} (at most {duration(MOST_PROVE)}), "
-              f"{verdict.evidence.get('matrices', 0)} matrices   "
-              f"{'ok' if passed else 'ABOVE THE CEILING'}", flush=True)  # fmt: skip
+        kind = f"uncertain {name}"
+        row(f"{kind}, certificate", duration(find), "", duration(find),
+            f"<= {duration(MOST_FIND)}", is_proved and find <= MOST_FIND)  # fmt: skip
+        row(f"{kind}, proof", duration(prove), "", duration(prove),
+            f"<= {duration(MOST_PROVE)}", is_proved and prove <= MOST_PROVE)  # fmt: skip
         good &= passed
     return good
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.cases import seconds
+from benchmarks.cases import duration, row, seconds
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
@@ -118,16 +118,14 @@ def main() -> bool:
             totals[who], clock[who] = totals[who] + kept[who], clock[who] + time
         best = max(max(values) for values in reached.values())
         top = {who: sum(v >= NEAR * best for v in values) for who, values in reached.items()}
-        print(f"{name:22s} best period {best:.6g}   succeed: ours {kept['ours']:2d}, theirs "
-              f"{kept['theirs']:2d} of {STARTS}; reach the best: {top['ours']:2d}, "
-              f"{top['theirs']:2d}", flush=True)  # fmt: skip
+        row(f"starts that reach the best period, {name}", str(top["ours"]), str(top["theirs"]),
+            f"of {STARTS}", "", True)  # fmt: skip
     ratio, faster = totals["ours"] / max(totals["theirs"], 1), clock["theirs"] / clock["ours"]
-    word = "ok" if ratio >= FLOOR and faster >= TIME_FLOOR else "BELOW THE FLOOR"
-    good = ratio >= FLOOR and faster >= TIME_FLOOR
-    print(f"starts that succeed: ours {totals['ours']}, theirs {totals['theirs']}, ratio "
-          f"{ratio:.2f}, floor {FLOOR:g}; time: ours {clock['ours']:.2f} s, theirs "
-          f"{clock['theirs']:.2f} s, ratio {faster:.1f}, floor {TIME_FLOOR:g}  {word}")  # fmt: skip
-    return good
+    row("starts that succeed", str(totals["ours"]), str(totals["theirs"]), f"{ratio:.2f}",
+        f">= {FLOOR:g}", ratio >= FLOOR)  # fmt: skip
+    row("search of the period", duration(clock["ours"]), duration(clock["theirs"]),
+        f"x {faster:.1f}", f">= {TIME_FLOOR:g}", faster >= TIME_FLOOR)  # fmt: skip
+    return ratio >= FLOOR and faster >= TIME_FLOOR
 
 
 def longest(A: Matrix, C: Matrix, L: Matrix, T: float) -> float:

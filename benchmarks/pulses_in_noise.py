@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import obsdesign
-from benchmarks.cases import seconds
+from benchmarks.cases import duration, row, seconds
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.observer import ImpulsiveInputObserver
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
@@ -115,11 +115,14 @@ def main() -> bool:
     ours = scores["gls, state corrected"]
     for name in names:
         ratio = statistics.median(a / b for a, b in zip(scores[name], ours, strict=True))
-        print(f"{name:24s} RMS {statistics.mean(scores[name]):8.3f}   {ratio:7.1f} times ours")
+        own = f"{statistics.mean(scores[name]):.3f}"
+        row(f"pulses, RMS of {name} to ours", "", own, f"x {ratio:.1f}", "", True)
     smoother = statistics.median(a / b for a, b in zip(scores["RTS smoother"], ours, strict=True))
     spent = statistics.median(times)
-    print(f"{ROWS} samples, 6 exponents: {spent:.2f} s (limit {LIMIT} s); "
-          f"smoother/ours {smoother:.1f} (floor {RATIO})", flush=True)  # fmt: skip
+    row("pulses, RMS of the best smoother to ours", "", "", f"x {smoother:.1f}", f">= {RATIO}",
+        smoother >= RATIO)  # fmt: skip
+    row(f"pulses, {ROWS} samples, 6 exponents", duration(spent), "", duration(spent),
+        f"<= {LIMIT} s", spent <= LIMIT)  # fmt: skip
     return smoother >= RATIO and spent <= LIMIT
 
 

@@ -26,7 +26,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.workflow import design
 
 FLOOR, STEADY_FLOOR = 1.5, 1.0
-ROWS, REPEATS = 30_000, 5
+ROWS, REPEATS = 20_000, 3
 OURS = "from obsdesign.cli.main import main; main()"
 THEIRS = """
 import csv, sys

@@ -52,7 +52,8 @@ def main(full: bool = False) -> bool:
             if bracket.proved and bracket.not_proved:
                 width = abs(bracket.proved / bracket.not_proved - 1)
             ends = f"{bracket.proved} | {bracket.not_proved} {bracket.verdict}"
-            print(f"   n = {n}: {ends}, relative width {width:.1e}, {duration(time)}")
+            if full:
+                print(f"   n = {n}: {ends}, relative width {width:.1e}, {duration(time)}")
             # the script looks for a common P, which may end before windows do
             limit = bracket.proved if bracket.common is None else bracket.common
             theirs.append(bisection(F, H, limit or LOW, full))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import obsdesign
-from benchmarks.cases import duration, report, seconds
+from benchmarks.cases import duration, report, row, seconds
 from benchmarks.filters import Filter
 from lmi.arithmetic.exponential import expm
 from obsdesign.problem.plant import Plant
@@ -56,13 +56,12 @@ def main() -> bool:
 
     def theirs() -> None:
         filter_ = filterpy_filter(problem.plant, 0.1)
-        for row in y:
+        for sample in y:
             filter_.predict()
-            filter_.update(row)
+            filter_.update(sample)
 
     pairs = [(seconds(ours)[0] / ROWS, seconds(theirs)[0] / ROWS) for _ in range(ROUNDS)]
     mine, other = [a for a, _ in pairs], [b for _, b in pairs]
-    print(f"   shortest: ours {duration(min(mine))}, filterpy {duration(min(other))}")
     good = report("step of an unknown-input observer, filterpy", mine, other, FLOOR)
     return good & flat_memory(observer)
 
@@ -84,8 +83,8 @@ def flat_memory(observer: UnknownInputObserver) -> bool:
     time, count = seconds(lambda: pass_through(LONG))
     added = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     flat = added < 1000
-    print(f"   {count} samples in {time:.1f} s add {added} kB: {'ok' if flat else 'NOT FLAT'}")
-    return flat
+    what = f"memory that {count} samples add, kB"
+    return row(what, duration(time / count), "", str(added), "<= 999", flat)
 
 
 if __name__ == "__main__":

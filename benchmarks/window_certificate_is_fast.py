@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.cases import duration, seconds
+from benchmarks.cases import duration, row, seconds
 from lmi.arithmetic.balls import exact
 from lmi.rank.decide import decide_full_rank
 from lmi.rank.stack import Stack
@@ -36,10 +36,9 @@ def main() -> bool:
     sampled, _ = seconds(lambda: np.linalg.svd(stack.approx(points), compute_uv=False), 1)
     mine = statistics.median(times)
     boxes = verdict.evidence["boxes"]
-    print(f"certificate, 3 states, window 3: {duration(mine)}, {boxes} boxes (at most "
-          f"{duration(MOST)}); {SAMPLES} rank tests {duration(sampled)}   "
-          f"{'ok' if mine <= MOST else 'ABOVE THE CEILING'}", flush=True)  # fmt: skip
-    return mine <= MOST
+    what = f"rank of a window, {boxes} boxes, {SAMPLES} rank tests"
+    limit = f"<= {duration(MOST)}"
+    return row(what, duration(mine), duration(sampled), duration(mine), limit, mine <= MOST)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 
-from benchmarks.cases import SAMPLED, report, seconds
+from benchmarks.cases import SAMPLED, duration, report, row, seconds
 from lmi.decide.stability import decide
 from lmi.families import Edge
 from lmi.find.cutting_plane import propose_edges
@@ -48,9 +48,9 @@ def main() -> bool:
         ours.append(time)
     time, proposed = seconds(grid)
     assert proposed
-    fast = statistics.median(ours) <= CEILING
-    print(f"sampled data to {HIGH}: {windows} windows, {statistics.median(ours):.2f} s, at most "
-          f"{CEILING:g} s  {'ok' if fast else 'ABOVE THE CEILING'}", flush=True)  # fmt: skip
+    typical, what = statistics.median(ours), f"sampled data to {HIGH}, {windows} windows"
+    fast = typical <= CEILING
+    row(what, duration(typical), "", duration(typical), f"<= {CEILING:g} s", fast)
     return (
         report(f"{CELLS ** (BACK + AHEAD)} uniform windows, not proved", ours, [time] * RUNS, FLOOR)
         and fast

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import CLAIMS
-from benchmarks.cases import report
+from benchmarks.cases import header, report, row
 
 FOLDER = Path(__file__).parent.parent / "benchmarks"
 
@@ -30,11 +30,25 @@ def test_times_have_a_unit_that_shows_them(
 ) -> None:
     held = report("a step", [ours] * 3, [ratio * ours] * 3, 2.0)
     line = capsys.readouterr().out
-    assert f"ours {words:>10s} " in line
-    assert f"ratio {ratio:8.2f} " in line
+    assert f" {words:>10s} " in line
+    assert f" x {ratio:.2f}       >= 2 " in line
     assert held == (ratio > 2.0) == line.endswith("  ok\n")
+
+
+def test_a_row_stands_under_its_titles(capsys: pytest.CaptureFixture[str]) -> None:
+    header()
+    assert row("a step", "1.00 ms", "", "1.00 ms", "<= 2 ms", True)
+    assert not row("a step", "3.00 ms", "", "3.00 ms", "<= 2 ms", False)
+    assert row("another, without a claim", "", "", "x 0.50", "", True)
+    titles, kept, missed, shown = capsys.readouterr().out.splitlines()
+    ends = {title: titles.index(title) + len(title) for title in ("ours", "measured", "required")}
+    for line, own in ((kept, "1.00 ms"), (missed, "3.00 ms")):
+        assert line[: ends["ours"]].endswith(own)
+        assert line[: ends["measured"]].endswith(own)
+        assert line[: ends["required"]].endswith("<= 2 ms")
+    assert (kept[-4:], missed[-13:], shown[-3:]) == ("  ok", "DOES NOT HOLD", "  -")
 
 
 def test_a_ratio_is_the_median_of_pairs(capsys: pytest.CaptureFixture[str]) -> None:
     assert report("memory", [1.0, 2.0, 40.0], [5.0, 10.0, 40.0], 5.0, unit="MB")
-    assert "ours    2.00 MB   theirs   10.00 MB " in capsys.readouterr().out
+    assert "    2.00 MB   10.00 MB     x 5.00 " in capsys.readouterr().out
