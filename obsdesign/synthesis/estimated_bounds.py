@@ -33,7 +33,7 @@ _LONGEST, _MOST_CELLS = 0.8, 4096
 _DWELL_TIMES, _JUMPS, _LEFT, _GROWN = 5, 200, 1e-4, 1e8
 # norms: parts of what the middle dwell time contracts by, which they leave out; doublings of the
 # sum of their powers; how often bounds just before jumps follow from earlier ones
-_SHARES, _DOUBLINGS, _REPEATS = (0.5, 0.95), 12, 20
+_SHARES, _DOUBLINGS, _REPEATS = (0.5, 0.9, 0.99), 12, 20
 # sizes of states that hardly differ from zero count as this part of the largest
 _LEAST = 1e-9
 # times after a jump at which the error is looked at

@@ -24,8 +24,9 @@ _RATES = tuple(2.0**k for k in range(-3, 7))
 _REFINED = tuple(2.0**k for k in (-0.5, 0.5))
 # evaluations of the simplex search, for each open entry
 _EVALUATIONS = 60
-# it begins anew where it ends, at most so often, while the cost falls to this part
-_SEARCHES, _WORTHWHILE = 3, 0.9
+# so many of the best starts have a search; that of the best end begins anew there, at most so
+# often, while the cost falls to this part
+_STARTS, _AGAIN, _WORTHWHILE = 4, 3, 0.95
 # its first steps: parts of an entry, of the plant's unit of it where it is zero
 _STEP, _STEP_FROM_ZERO = 0.05, 0.1
 # part of the bounds that smaller gains may cost, and how often an entry is halved
@@ -65,15 +66,17 @@ class GainSearch:
 
     def improved(self, starts: list[GainPair]) -> GainPair | None:
         """The gains of the least cost that searches from the best of these meet."""
-        costs = [self._admitted_cost(gains) for gains in starts]
-        if not (costs and self.free) or not math.isfinite(min(costs)):
+        rated = {self._admitted_cost(gains): gains for gains in starts if self.free}
+        best = sorted(cost for cost in rated if math.isfinite(cost))[:_STARTS]
+        if not best:
             return None
-        gains, cost = starts[int(np.argmin(costs))], min(costs)
-        for _ in range(_SEARCHES):
-            gains, before = self._descended(gains), cost
+        ends = [self._descended(rated[cost]) for cost in best]
+        gains, before = min(ends, key=self._admitted_cost), best[0]
+        for _ in range(_AGAIN):
             cost = self._admitted_cost(gains)
             if cost > _WORTHWHILE * before:
                 break
+            gains, before = self._descended(gains), cost
         return self._moderate(gains)
 
     def _descended(self, start: GainPair) -> GainPair:
