@@ -17,13 +17,13 @@ QUICK = (
     "interval_stream_is_flat", "irregular_step_is_fast", "new_step_is_cheap",
     "unknown_input_stream_is_fast", "window_step_is_fast", "impulse_window_is_fast",
     "impulse_is_fast", "check_is_fast", "glance_is_fast", "proof_is_cheap", "grows_slowly",
-    "memory_is_small", "windows_cost_nothing", "windows_close_the_gap", "parameters_cost_little",
+    "windows_cost_nothing", "windows_close_the_gap", "parameters_cost_little",
     "interval_synthesis_is_fast", "window_gain_is_fast", "window_certificate_is_fast",
 )  # fmt: skip
 # each a minute or more, by its name
 LONG = (
     "find_is_fast", "search_is_fast", "period_search_is_reliable", "pulses_in_noise",
-    "bounds_are_tight",
+    "bounds_are_tight", "memory_is_small",
 )  # fmt: skip
 CLAIMS = (*QUICK, *LONG)
 
