@@ -661,7 +661,6 @@ def prove_width(design: Design, system: System, evidence: Table, limit: Time) ->
         system = with_samples(design, system, size, limit)
     W, f, N, h, out = system
     if not N:
-        demand(is_metzler(W) and is_nonnegative(f), "the system is not positive")
         demand(all(a < 0 for (a,) in total(product(W, v), f)), "W v + f < 0 fails")
         demand(is_at_most(product(out, v), always), "the bound is below the tube")
         return f"the width comes to at most {words(always)}"

@@ -175,6 +175,21 @@ def test_a_jump_that_forgets_all_but_adds_more_than_the_tube() -> None:
         assert exit_code(changed(document, lambda d: None), check_widths) == code
 
 
+def test_signs_that_a_form_needs_though_widths_would_do() -> None:
+    """With wide bounds: F = D0 - D1 with D1 > 0 is a split, and not cooperative."""
+    document = example("degue_4_1")
+    evidence(document, "width")["constant_dwell"] = []
+    for claim in ("width", "sampled_width"):
+        for name in VECTORS:
+            scaled(claim, name, 1.5)(document)
+    assert exit_code(changed(document, lambda d: None), check_widths) == 0
+    document["gains"]["A"][0][1], document["gains"]["D1"][0][1] = -1e-6, 1e-6
+    for form, code in (("cooperative", 1), ("split", 0)):
+        assert exit_code(changed(document, in_gains("form", form)), check_widths) == code
+    document["gains"]["D1"][0][1], document["gains"]["D0"][0][1] = 0.0, -1e-6
+    assert exit_code(changed(document, in_gains("form", "split")), check_widths) == 1
+
+
 def test_a_program_that_proves_nothing_reads_nothing() -> None:
     entry = {"id": "width", "verdict": "proved", "evidence": {"vector": [1.0]}}
     document = changed(body("point"), lambda d: d["claims"].append(entry))

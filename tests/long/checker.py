@@ -266,6 +266,11 @@ FUNCTIONS = (
 )  # fmt: skip
 # survivors that no test has to see: a part of the changed line, and why
 EXPLAINED = {
+    "Fraction(1, (3)**20)": "any b > 0 serves",
+    "c = min(": "what it returns is certified by `holds_from`",
+    "derivatives[(1)]": "in units of the flow, |W| <= 1, the first derivative is no smaller",
+    "* (n + (2))": "zip drops what is too long",
+    "(2 * n + (2))": "the same",
     "cost = max(": "floats choose among matrices R, each of which is certified",
     "+ (3))": "a radius larger by a unit is right too",
     "// a.denominator for a in row] for row in X], (2))": "a radius larger by a unit is right too",
