@@ -822,8 +822,9 @@ def prove_design(design: Design) -> List[str]:
     F, H = error_maps(design, design.array("M", "np"))
     if design.kind == "interval":
         F, H = width_maps(design)
-        sentences, quantity = ["proved: the signs that the bounds rest on"], "width of the bounds"
+        sentences, quantity = ["proved: signs of the bounds, to rounding"], "width of the bounds"
         proved += ["flow_positive", "jump_positive"] if H else ["flow_positive"]
+    y = "y" if design.measured == "at_jumps" else "y measured continuously and"
     (low, high), jitter = map(float, design.ends), float(design.jitter)
     end = "inf)" if high == math.inf else f"{high!r}]"
     limit = "" if jitter == math.inf else f" that change by at most {jitter!r} at a time"
@@ -841,13 +842,13 @@ def prove_design(design: Design) -> List[str]:
             prove_stability(design, shifted, H, evidence)
         proved += [name, "hurwitz"] if high == math.inf else [name]  # late times need both
         decay = f"decays like e^(-{float(shift)!r} t)" if shift else "tends to zero"
-        sentences.append(f"proved: without inputs the {quantity} {decay}{when}")
+        sentences.append(f"proved: with {y} at jumps, no inputs, the {quantity} {decay}{when}")
     if H is not None and "rates" in design.evidence and "M_cells" not in design.gains:
         shrinks = prove_rates(design, F, H)
-        sentences.append(f"proved: from jump to jump it shrinks, in some norms, {shrinks}")
+        sentences.append(f"proved: likewise from jump to jump, it shrinks, in norms, {shrinks}")
         proved.append("rates")
     others = ascii(sorted({*design.evidence} - {*proved}))
-    return [*sentences, f"not checked: {others}, options, and any sentence of the file"]
+    return [*sentences, f"not checked: {others}, options, and any other word of the file"]
 
 
 def main(path: str) -> int:

@@ -355,6 +355,8 @@ class Path:
         polynomial sum_k a_k (s/h)^k is on [0, h] an average of its Bernstein coefficients
         sum_{k<=i} C(i,k) / C(d,k) a_k, i = 0 .. d, here with a_k = h^k / k! X u^(k).
         """
+        if not h:  # the range is one time, where `advance` has tested it
+            return True
         if h not in self.remainders:
             self.remainders[h] = self.remainder_map(h)
         if not self.remainders[h]:
@@ -547,7 +549,8 @@ def error_maps(design: Design, M: Matrix) -> Tuple[Matrix, Optional[Matrix]]:
 class System(NamedTuple):
     """w' = W w + f between jumps, w+ = N w- + h at them; without jumps N and h are empty.
 
-    The width of x = S z is out w, out = |S|.
+    The width of x = S z is out w, out = |S|. For F = D0 - D1, D0 Metzler, D1 >= 0, bounds of z
+    follow upper' = D0 upper - D1 lower + .., lower' = D0 lower - D1 upper + ..: W = D0 + D1.
     """
 
     W: Matrix
@@ -615,6 +618,7 @@ def with_samples(design: Design, system: System, v: Matrix, limit: Fraction) -> 
         w' <= W w + f + |L| (s1 diag(e) w + s0).
 
     (With the sample at the end of a step in place of its start, s(limit) - s(t) enters, no more.)
+    A jump ends a step; where M acts it has a sample of its own.
     All in coordinates z: A, C, L stand for S^-1 A S, C S, S^-1 L; w, r are measured in units of v,
     and each s in units in which it is of the size of r.
     """
@@ -687,7 +691,8 @@ def prove_constant_dwell(system: System, ends: Range, row: Table) -> None:
 
     In units of T, (u, 1, m) with m' = u turns (a, 1, 0) into (E a + g, 1, K a + k). Before jumps
     the width tends to the solution of w = E (N w + h) + g, since products of E N vanish (the tube).
-    Larger E, g, upper ends, make it larger: to b >= 0 with E (N b + h) + g = b. The average over T
+    Larger E, g, upper ends, make it larger: to b >= 0 with E (N b + h) + g = b, from where
+    w = E (N w + h) + g never leads above b. The average over T
     is at most K (N b + h) + k.
     """
     W, f, N, h, out = system
@@ -746,22 +751,24 @@ def prove_design(design: Design) -> List[str]:
     """
     sentences, proved, quantity = [], [], "error"  # type: Tuple[List[str], List[str], str]
     F, H = error_maps(design, design.array("M", "np"))
+    y = "y" if design.measured == "at_jumps" else "y measured continuously and"
     low, high = map(float, design.ends)
     end = "inf)" if high == math.inf else f"{high!r}]"
     when = f", for every sequence of dwell times in [{low!r}, {end}" if H else ""
     if design.kind == "interval":
         system, quantity = width_system(design), "width of the bounds"
         F, H = system.W, system.N
-        sentences.append("proved: the signs that the bounds rest on")
+        sentences.append("proved: signs of the bounds, to rounding")
         proved += ["flow_positive", "jump_positive"] if H else ["flow_positive"]
         if "width" in design.evidence:
             widths = prove_width(design, system, design.evidence["width"], math.inf)
-            sentences.append(f"proved: with y measured {design.measured}, {widths}{when}")
+            sentences.append(f"proved: with {y} at jumps, {widths}{when}")
         if "sampled_width" in design.evidence:
             limit = step_limit(design, design.evidence["sampled_width"])
             widths = prove_width(design, system, design.evidence["sampled_width"], limit)
-            apart = f"samples at most {float(limit)!r} apart"
-            sentences.append(f"proved: with {apart}, {widths}{when}")
+            apart = f"samples at most {float(limit)!r} apart and"
+            apart = apart if limit < math.inf else "samples"
+            sentences.append(f"proved: with {apart} at jumps, {widths}{when}")
         proved += ["width", "sampled_width"]
     rate = Fraction(time(design.problem["observer"].get("decay_rate", 0)))
     demand((rate > 0) == ("decay_rate" in design.evidence), "decay_rate: option or claim is alone")
@@ -770,10 +777,10 @@ def prove_design(design: Design) -> List[str]:
             shifted = total(F, identity(design.n), shift)
             prove_vector(shifted, H or [], design.ends, design.evidence[claim])
             decay = f"decays like e^(-{float(shift)!r} t)" if shift else "tends to zero"
-            sentences.append(f"proved: without inputs the {quantity} {decay}{when}")
+            sentences.append(f"proved: with {y} at jumps, no inputs, the {quantity} {decay}{when}")
             proved += [claim, "hurwitz"] if high == math.inf else [claim]
     others = ascii(sorted({*design.evidence} - {*proved}))
-    return [*sentences, f"not checked: {others}, options, and any sentence of the file"]
+    return [*sentences, f"not checked: {others}, options, and any other word of the file"]
 
 
 def step_limit(design: Design, evidence: Table) -> Time:

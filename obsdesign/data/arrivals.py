@@ -28,7 +28,7 @@ class BadLine(NamedTuple):
 
 Skip = Callable[[BadLine], None]
 
-_SILENCE = "a row that is left out counts as silence of a sensor with sends_on_change"
+SILENCE = "a row that is left out counts as silence of a sensor with sends_on_change"
 
 
 @dataclass
@@ -67,8 +67,6 @@ class Arrivals:
         InputError, and so is a first part of which every row comes too late.
         InputError for a row that comes too late, or skip, where none may be left out.
         """
-        if self.needs_all and skip is not None:
-            raise InputError(f"{name}: --skip-bad is not available: {_SILENCE}.")
         delays, taken = list[float](), 0
         in_lines = has_stamps and not self.is_stream
         if in_lines:
@@ -82,7 +80,7 @@ class Arrivals:
                 skip(BadLine(f"{name} line {number}: {error}", number, sample.t))
                 continue
             if arrival is None and self.needs_all:
-                raise InputError(f"{name}: {self.buffer.reason_against(sample)[:-1]}: {_SILENCE}.")
+                raise InputError(f"{name}: {self.buffer.reason_against(sample)[:-1]}: {SILENCE}.")
             if arrival is None:
                 delays.append(self.buffer.now - sample.t)
                 self.remark(f"{name}: {self.buffer.reason_against(sample)}")

@@ -23,7 +23,7 @@ from obsdesign.data.late_run import (
     refuse_late_rows,
 )
 from obsdesign.data.layout import Layout
-from obsdesign.data.left_out import NOTHING, LeftOut, Span
+from obsdesign.data.left_out import LeftOut
 from obsdesign.data.records import Block, discard, read_blocks, samples_in
 from obsdesign.data.stream import Stream, results_of, starting_progress, stored_progress
 from obsdesign.data.tally import Tally
@@ -65,10 +65,9 @@ def execute(
     name, remarks, live = data or "standard input", list[str](), data is None
     layout = Layout.from_design(signed, observer).with_titles(titles)
     record = _Record(layout, observer, stored, initial, name, _has_error_bound(signed))
-    refuse_late_rows(record.layout, observer, provisional)
+    refuse_late_rows(record.layout, observer, provisional, skip_bad=skip_bad)
     scale = TimeScale(signed.problem)
-    span = record.checked(data, skip_bad=skip_bad)
-    left_out = record.left_out(span)
+    left_out = record.left_out(record.checked(data, skip_bad=skip_bad))
     with (
         _source(data) as stream, _writer(output) as out, _log(events, observer) as log,
         provisional_lines(
@@ -85,7 +84,7 @@ def execute(
             late = arrivals if record.layout.lag > 0 else None
             results = _to_the_end(parts, rows, late, only_final=bool(provisional), live=live)
         tally = _write(observer, results, out, log, left_out=left_out, live=live)
-    ended = replace(parts.progress, left_out=left_out.span.until, in_force=left_out.in_force,
+    ended = replace(parts.progress, left_out=left_out.counts, in_force=left_out.in_force,
                     first=left_out.first)  # fmt: skip
     _save(state, signed, ended, arrivals)
     signs = [*_void(name, tally), *scale.remarks(name)]
@@ -103,27 +102,28 @@ class _Record:
     stored: Progress | None
     initial: Sequence[float] | None
     name: str
-    is_guaranteed: bool
+    has_error_bound: bool
 
     @property
     def progress(self) -> Progress:
         """Where the observer stands before the first line."""
-        start = None if self.initial is None else tuple(self.initial)
+        start = None if self.initial is None else tuple(map(float, self.initial))
         return Progress(None, initial=start) if self.stored is None else self.stored
 
-    def left_out(self, span: Span = NOTHING) -> LeftOut:
-        """Nothing yet, or estimates of a span that are known to miss a row."""
-        own = (self.layout, self.observer, self.progress, span)
-        return LeftOut(*own, is_guaranteed=self.is_guaranteed)
+    def left_out(self, after: float = math.inf) -> LeftOut:
+        """Nothing yet, or a time behind which estimates are known to miss a row."""
+        return LeftOut(
+            self.layout, self.observer, self.progress, after, has_error_bound=self.has_error_bound
+        )
 
-    def checked(self, data: str | None, *, skip_bad: bool) -> Span:
-        """When estimates miss a row of a file; of a pipe nothing is known.
+    def checked(self, data: str | None, *, skip_bad: bool) -> float:
+        """Time behind which bounds miss a row of a file; infinity where none is known, of a pipe.
 
         InputError, before anything is written, for a file that is no record.
         """
         left_out = self.left_out()
         if data is None:
-            return left_out.span
+            return left_out.after
         if Path(data).exists() and not (Path(data).is_file() or Path(data).is_dir()):
             raise InputError(
                 f"{data}: a file is read twice, which is no regular file; leave DATA out and give "
@@ -135,7 +135,7 @@ class _Record:
             skip = left_out.skipping(discard) if skip_bad else None
             _, rows = self.begun(stream, arrivals, skip=skip, remark=discard)
             deque(left_out.watched(rows), maxlen=0)
-        return left_out.span
+        return left_out.after
 
     def begun(
         self, stream: TextIO, arrivals: Arrivals, *, skip: Skip | None, remark: Remark

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from obsdesign.data.arrivals import Arrivals, Remark
+from obsdesign.data.arrivals import SILENCE, Arrivals, Remark
 from obsdesign.data.csv_text import estimate_header, estimate_line
 from obsdesign.data.layout import Layout
 from obsdesign.data.stream import Stream, refuse_whole_records
@@ -16,11 +16,16 @@ from obsdesign.runtime.late_rows import Arrival, LateRows, Replay, provisional
 from obsdesign.runtime.progress import Progress
 
 
-def refuse_late_rows(layout: Layout, observer: Observer, target: str | None) -> None:
+def refuse_late_rows(
+    layout: Layout, observer: Observer, target: str | None, *, skip_bad: bool
+) -> None:
     """InputError for rows that may be late where the observer takes all at once, or none may be.
 
-    target: file of provisional estimates, None without one.
+    Also where lines may be skipped although their silence counts. target: file of provisional
+    estimates, None without one.
     """
+    if skip_bad and layout.clocks is not None and layout.clocks.needs_every_row:
+        raise InputError(f"--skip-bad is not available: {SILENCE}.")
     if layout.lag > 0:
         refuse_whole_records(observer, "report_delay")
     elif target is not None:

@@ -2,8 +2,8 @@
 
 A row acts beyond its own time where it holds an event, a known input, a mode or bounds of b, or is
 the first row, for which --initial is stated. Bounds behind such a row are those of another course
-where it is left out. A row with measurements alone is a missing sample, which statuses name where
-it counts.
+where it is left out, and so are point estimates whose error is bounded. A row with measurements
+alone is a missing sample, which statuses name where it counts.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from obsdesign.column_names import pairs
 from obsdesign.data.arrivals import BadLine, Remark, Skip
@@ -27,31 +26,20 @@ from obsdesign.runtime.status import Reason, with_reasons
 LEFT_OUT = Reason("a row was left out on which these bounds may depend")
 
 
-class Span(NamedTuple):
-    """Times behind the first and up to the second; of nothing where the second is -infinity."""
-
-    after: float
-    until: float
-
-
-NOTHING = Span(math.inf, -math.inf)
-
-
 class LeftOut:
     """What was left out of a record so far, for an observer whose estimates are guaranteed.
 
-    progress: where an earlier part ended, or the numbers --initial of a record that begins; span:
-    times behind the first and up to the second of which estimates are known to miss a row;
-    is_guaranteed: is the error of point estimates bounded?
+    progress: where an earlier part ended, or the numbers --initial of a record that begins; after:
+    time behind which estimates are known to miss a row; has_error_bound: is the error of point
+    estimates bounded?
     """
 
     def __init__(
-        self, layout: Layout, observer: Observer, progress: Progress, span: Span = NOTHING,
-        *, is_guaranteed: bool = False,
+        self, layout: Layout, observer: Observer, progress: Progress, after: float = math.inf,
+        *, has_error_bound: bool = False,
     ) -> None:  # fmt: skip
         self._has_bounds = pairs(("x1",))[0] in observer.names
-        self._counts = self._has_bounds or is_guaranteed
-        self._memory = observer.memory
+        self._is_guaranteed = self._has_bounds or has_error_bound
         self._may_act = layout.jump or layout.u > 0 or bool(layout.modes)
         # bounds of b that a row sets which waits from an earlier part on
         self._may_act |= any(
@@ -59,25 +47,24 @@ class LeftOut:
         )
         # an event may be earlier than its stamp
         self._early = 0.0 if layout.clocks is None else max(layout.clocks.errors, default=0.0)
-        self._in_order = layout.lag == 0
         # rows of a time act one after the other; where they may be late, the first ones are final
-        self._shares_time = layout.may_repeat and self._in_order
+        self._shares_time = layout.may_repeat and layout.lag == 0
         self.in_force, self._latest = progress.in_force, progress.t
         self._begins = self._has_bounds and progress.initial is not None
         # times of the first row that is taken, and of the first one that is left out
         self.first, self._lost = progress.first, math.inf
-        self._after, self._until = span
-        if progress.left_out > -math.inf:
-            self._after, self._until = -math.inf, max(progress.left_out, self._until)
-        # is a line left out that stands before the next row?
-        self._is_open = False
+        self._after = -math.inf if progress.left_out else after
 
     @property
-    def span(self) -> Span:
-        """Behind the first time, and up to a while after the second, estimates may miss a row."""
-        if self._has_bounds and self._lost < self.first:
-            return Span(-math.inf, math.inf)
-        return Span(self._after, math.inf if self._is_open else self._until)
+    def after(self) -> float:
+        """Time behind which bounds are known to miss a row; infinity where none is."""
+        misses_first = self._has_bounds and self._lost < self.first
+        return -math.inf if misses_first else self._after
+
+    @property
+    def counts(self) -> bool:
+        """Was any left out on which bounds depend?"""
+        return self.after < math.inf
 
     def skipping(self, remark: Remark) -> Skip:
         """What happens to a bad line: a remark, and it is noted; the first row is not skipped."""
@@ -88,18 +75,12 @@ class LeftOut:
                     f"{line.reason} --skip-bad does not skip the first row, since --initial is "
                     "stated for it."
                 )
-            self._lost = min(self._lost, line.t)  # which NaN does not change
+            self._lost = min(self._lost, self._latest if math.isnan(line.t) else line.t)
             if self._may_act or self.in_force.b is not None:
                 is_before = self._early > 0 or self._shares_time
-                until = line.t
-                if math.isnan(line.t):
-                    self._is_open, until = (
-                        self._in_order,
-                        self._latest if self._in_order else math.inf,
-                    )
-                self._mark(opening(self._latest, self._early) if is_before else self._latest, until)
+                self._mark(opening(self._latest, self._early) if is_before else self._latest)
                 if line.t <= self._latest:
-                    self._mark(opening(line.t, self._early), until)
+                    self._mark(opening(line.t, self._early))
             remark(f"{line.reason} Line {line.number} is skipped.")
 
         return skip
@@ -111,12 +92,12 @@ class LeftOut:
         for row in waiting:
             in_force = in_force.following(row) if row.t <= sample.t else in_force
         if sample.jump or sample.events or in_force.is_changed_by(sample):
-            self._mark(opening(sample.t, self._early), sample.t)
+            self._mark(opening(sample.t, self._early))
 
-    def _mark(self, after: float, until: float) -> None:
-        """Estimates behind the first time miss a row, which was at the second one at the latest."""
-        if self._counts:
-            self._after, self._until = min(self._after, after), max(self._until, until)
+    def _mark(self, after: float) -> None:
+        """Bounds of later rows than this time miss a row."""
+        if self._is_guaranteed:
+            self._after = min(self._after, after)
 
     def watched(self, blocks: Iterator[Block]) -> Iterator[Block]:
         """The rows that are taken."""
@@ -128,25 +109,18 @@ class LeftOut:
                 first = self._latest = block.t
                 self.in_force = self.in_force.following(block)
             self.first = min(self.first, first)
-            if self._is_open:
-                self._is_open, self._until = False, max(self._until, first)
             yield block
 
     def marked(self, estimate: Estimate) -> Estimate:
         """The estimate, with that reason behind a row that was left out."""
-        if not self._misses(estimate.t):
+        if estimate.t <= self.after:
             return estimate
         return estimate._replace(status=with_reasons(estimate.status, [LEFT_OUT]))
 
     def marked_rows(self, batch: Batch) -> Batch:
         """Estimates of rows, with that reason likewise."""
-        if self.span == NOTHING:
+        if batch.t[-1] <= self.after:
             return batch
         rows = zip(batch.t.tolist(), batch.status, strict=True)
-        status = [with_reasons(own, [LEFT_OUT]) if self._misses(t) else own for t, own in rows]
+        status = [own if t <= self.after else with_reasons(own, [LEFT_OUT]) for t, own in rows]
         return replace(batch, status=tuple(status))
-
-    def _misses(self, t: float) -> bool:
-        """May an estimate of this time miss a row that was left out?"""
-        after, until = self.span
-        return after < t and (until == math.inf or t <= until + self._memory)

@@ -122,10 +122,6 @@ class Observer(Protocol):
         """Errors of the time stamps of events, by their places; none where all are exact."""
 
     @property
-    def memory(self) -> float:
-        """Time after which an estimate does not depend on a row any more."""
-
-    @property
     def event_names(self) -> tuple[str, ...]:
         """Columns of an event file; none where the kind has no events."""
 
@@ -172,11 +168,6 @@ class RecordRunner(ABC, Generic[State]):
     def time_errors(self) -> Sequence[float]:
         """Errors of the time stamps of events, by their places; none where all are exact."""
         return ()
-
-    @property
-    def memory(self) -> float:
-        """Time after which an estimate does not depend on a row any more."""
-        return math.inf
 
     @abstractmethod
     def run(self, state: State, samples: Iterable[Sample]) -> Iterator[Estimate]:

@@ -15,8 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Value
 from obsdesign.runtime.announced import first_changed, with_events_ahead
 from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
+from obsdesign.runtime.bounds import Bounds
 from obsdesign.runtime.clocks.time_grid import steps_to_row
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
 from obsdesign.runtime.status import with_reasons
@@ -212,17 +214,26 @@ def _together(row: Sample, other: Sample) -> Sample:
     if happens is other and (row.jump or row.events):
         raise ValueError(f"{twice} events.")
     entries = {name: getattr(happens, name) for name in ("jump", "events", "w")}
-    for name in ("u", "bounds", "mode"):
-        own, new = getattr(row, name), getattr(other, name)
-        if own is not None and new is not None and not np.array_equal(own, new):
-            raise ValueError(f"{twice} {name}.")
-        entries[name] = new if own is None else own
+    for name in ("u", "mode"):
+        entries[name] = _either(getattr(row, name), getattr(other, name), f"{twice} {name}.")
+    if row.bounds is not None and other.bounds is not None:
+        pairs = zip(row.bounds, other.bounds, strict=True)
+        entries["bounds"] = Bounds(*(_either(*pair, f"{twice} bounds.") for pair in pairs))
+    else:
+        entries["bounds"] = row.bounds or other.bounds
     samples = [np.asarray(x.y, float) for x in (row, other) if x.y is not None]
     if len(samples) == 2 and (np.isfinite(samples[0]) & np.isfinite(samples[1])).any():
         raise ValueError(f"{twice} a sample.")
     if samples:
         entries["y"] = np.where(np.isfinite(samples[0]), samples[0], samples[-1])
     return row._replace(**entries, received=max(received(row), received(other)))
+
+
+def _either(own: Value, new: Value, reason: str) -> Value:
+    """The one that is stated; ValueError where both are, and differ."""
+    if own is not None and new is not None and not np.array_equal(own, new):
+        raise ValueError(reason)
+    return new if own is None else own
 
 
 class Replay:

@@ -112,10 +112,8 @@ class Progress:
 
     state: None before the first row, which begins with the numbers `initial`. given: number of
     estimates of these rows that were written already. late: rows behind them that an earlier one
-    may still precede, in the order of time; now: time of the last arrival. left_out: latest time of
-    a row that was left out and on which estimates depend, -infinity without any. in_force: what
-    holds behind the last row that was taken. first: time of the first row that was; infinity
-    without any.
+    may still precede, in the order of time; now: time of the last arrival. left_out: was a row left
+    out on which bounds depend? in_force: what holds behind the last row that was taken.
     """
 
     state: Value
@@ -124,7 +122,7 @@ class Progress:
     late: tuple[WaitingRow, ...] = ()
     now: float = -math.inf
     initial: tuple[float, ...] | None = None
-    left_out: float = -math.inf
+    left_out: bool = False
     in_force: InForce = field(default_factory=InForce)
     first: float = math.inf
 

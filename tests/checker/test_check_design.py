@@ -42,7 +42,7 @@ def test_designs_are_proved_again(name: str) -> None:
     document = body(name)
     code, text = answer(document, CHECK_DESIGN)
     assert code == 0, text
-    assert "proved: without inputs the" in text
+    assert "proved: with y " in text
     assert "not checked: " in text
     assert exit_code(document, check_gains) == 0
     assert verdict(document) == "proved"
@@ -53,7 +53,7 @@ def test_its_sentences_are_its_own() -> None:
     code, text = answer(document)
     assert (code, text.splitlines()[1]) == (
         0,
-        "proved: without inputs the width of the bounds tends to zero, for every sequence of dwell times in [0.7, inf)",
+        "proved: with y measured continuously and at jumps, no inputs, the width of the bounds tends to zero, for every sequence of dwell times in [0.7, inf)",
     )
     code, text = answer(body("windows, jitter"))
     assert "[0.1, 2.0] that change by at most 0.2 at a time" in text

@@ -70,7 +70,9 @@ def test_its_sentences_are_its_own() -> None:
     text = answer(document, CHECK_WIDTHS)[1].splitlines()
     stated = evidence(document, "sampled_width")
     always = ", ".join(map(repr, stated["always"]))
-    assert text[2].startswith(f"proved: with samples at most {stated['step_limit']!r} apart, the")
+    assert text[2].startswith(
+        f"proved: with samples at most {stated['step_limit']!r} apart, and at jumps"
+    )
     assert f"and ({always}) at any time, for every sequence of dwell times in [0.7, inf)" in text[2]
 
 
@@ -400,3 +402,30 @@ def test_what_it_shares_with_the_first_program_is_the_same_text() -> None:
     shared = set(own) & set(first)
     assert {name for name in shared if own[name] != first[name]} == {"Design", "prove_design"}
     assert {"Ball", "Flow", "exponential", "width_map", "error_maps", "array"} <= shared
+
+
+@pytest.mark.parametrize(("scale", "code"), [(1.0, 0), (0.9999, 1)])
+def test_one_dwell_time_with_a_flow_that_grows(scale: float, code: int) -> None:
+    """A range that is one time is its own proof; a smaller bound is refused there too."""
+    document = json.loads(_at_one_time())
+    document = changed(
+        document, lambda d: evidence(d, "width").update(
+            before_jump=[scale * a for a in evidence(d, "width")["before_jump"]]
+        )
+    )  # fmt: skip
+    assert exit_code(document, check_widths) == code
+
+
+@cache
+def _at_one_time() -> str:
+    problem = obsdesign.load_problem(EXAMPLES / "degue_corollary_4.toml").to_dict()
+    problem["jump"]["dwell_time"] = [3.0, 3.0]
+    return json.dumps(obsdesign.design(obsdesign.Problem.from_dict(problem)).to_dict())
+
+
+def test_sentences_say_when_y_is_measured() -> None:
+    _, text = answer(example("degue_4_1"), CHECK_WIDTHS)
+    assert "with y measured continuously and at jumps, the width comes" in text
+    assert " apart and at jumps, the width comes" in text
+    _, text = answer(example("degue_corollary_4"), CHECK_WIDTHS)
+    assert "with samples at jumps, the width comes" in text

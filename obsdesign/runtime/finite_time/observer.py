@@ -71,11 +71,6 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         points = super().names
         return points + (pairs(points) if self.constants.has_bounds else ())
 
-    @property
-    def memory(self) -> float:
-        """That of the window behind an estimate, and of the one that follows it."""
-        return 2.0 * self.gains.window
-
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> FiniteTimeState:
         """State at time t; x is a guess that is shown until the window is full, default zeros."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
