@@ -71,7 +71,7 @@ def test_its_sentences_are_its_own() -> None:
     stated = evidence(document, "sampled_width")
     always = ", ".join(map(repr, stated["always"]))
     assert text[2].startswith(
-        f"proved: with samples at most {stated['step_limit']!r} apart, and at jumps"
+        f"proved: with samples at most {stated['step_limit']!r} apart and at jumps, the"
     )
     assert f"and ({always}) at any time, for every sequence of dwell times in [0.7, inf)" in text[2]
 

@@ -462,3 +462,25 @@ def test_what_a_bound_would_need_is_said(changes: Body, needs: str) -> None:
     assert any(
         "No bound of the estimation error" in text and needs in text for text in result.warnings
     )
+
+
+@pytest.mark.parametrize(
+    ("parameter", "gains", "is_zero"),
+    [
+        ({"range": [-0.1, 0.1], "C": [[0.2, 0]]}, {}, True),  # L = 0: the sensor is not used
+        ({"range": [0.0, 0.0], "A": [[1, 0], [0, 0]]}, {"L": [[0], [0]]}, True),
+        ({"range": [-0.1, 0.1], "C": [[0.2, 0]]}, {"L": [[1], [1]]}, False),
+    ],
+)
+def test_an_error_that_nothing_drives_has_the_bound_zero(
+    parameter: Body, gains: Body, is_zero: bool
+) -> None:
+    body = {
+        "flow": {"A": [[-0.7, 0.3], [0.9, -0.6]]}, "parameter": [{"name": "p"} | parameter],
+        "output": {"C": [[1, 0]], "noise_bound": [0.01]},
+        "state": {"lower": [-2, -2], "upper": [2, 2]},
+        "observer": {"kind": "luenberger"} | ({"gains": gains} if gains else {}),
+    }  # fmt: skip
+    claim = bound(investigated(body))
+    assert claim.verdict == "proved"
+    assert (max(claim.evidence["always"]) < 1e-300) == is_zero
