@@ -8,9 +8,8 @@ Where |b(age)| has no peak inside the ages that are searched, the oldest positio
 impulse is evaluated once the age that explains the features best is most of the window
 (`Position`). With a threshold, the rule of their Section III-C: the first t_o with |R| above it.
 
-Where an old impulse stands out of white features (`matched_filter`), a maximum is final too, before
-the impulse leaves the window; where |R| shows none above its floor, it is evaluated there, to be
-taken only if the fit is good.
+An impulse that |R| does not show above its floor is evaluated where it stands out of white features
+(`matched_filter`), once it is past its peak, unless a maximum is in progress.
 
     rise = share max(N, floor) + sigma      drop = share N_max + sigma
 """
@@ -91,19 +90,19 @@ class Rule:
         times, sigmas = rows.times, rows.sigmas[offset : offset + len(values)].tolist()
         matched = rows.is_matched(search.matched_from, offset, offset + len(values))
         lowest, highest, top = search.lowest, search.highest, search.top
-        armed, at_start, fired, end = search.armed, search.at_start, False, offset + len(values)
-        for j in range(search.position, end):
+        armed, at_start = search.armed, search.at_start
+        for j in range(search.position, offset + len(values)):
             value, sigma = values[j - offset], sigmas[j - offset]
             floor = max(self.floor, LEAST_PEAK_DEVIATIONS * sigma)
             if lowest == math.inf and not armed:  # the search begins: is it past a peak?
                 lowest = value
                 armed, at_start, highest, top = value > floor, True, value, j
                 continue
-            if matched[j - offset]:
-                if not (armed and highest > floor):
-                    armed, at_start, highest, top = True, True, value, j
-                fired, end = True, j + 1
-                break
+            if matched[j - offset] and not (armed and highest > floor):
+                return replace(
+                    search, position=j + 1, armed=True, at_start=True, lowest=lowest,
+                    highest=value, top=j,
+                ), True  # fmt: skip
             if not armed:
                 lowest = min(lowest, value)
                 if value > lowest + self.share * max(value, floor) + sigma:
@@ -114,13 +113,15 @@ class Rule:
                 highest, top = value, top if at_start else j
             elif value < highest - self.share * highest - sigma or times[j] - times[top] > tau:
                 if highest > max(self.floor, LEAST_PEAK_DEVIATIONS * float(rows.sigmas[top])):
-                    fired, end = True, j + 1
-                    break
+                    return replace(
+                        search, position=j + 1, armed=True, at_start=at_start, lowest=lowest,
+                        highest=highest, top=top,
+                    ), True  # fmt: skip
                 armed, at_start, lowest, highest = False, False, value, -math.inf
         return replace(
-            search, position=end, armed=armed, at_start=at_start, lowest=lowest, highest=highest,
-            top=top,
-        ), fired  # fmt: skip
+            search, position=offset + len(values), armed=armed, at_start=at_start, lowest=lowest,
+            highest=highest, top=top,
+        ), False  # fmt: skip
 
     def _exceeded(self, search: Search, values: list[float], offset: int) -> tuple[Search, bool]:
         for j in range(search.position, offset + len(values)):
