@@ -13,6 +13,8 @@ from dataclasses import replace
 from itertools import islice
 from typing import TextIO
 
+import numpy as np
+
 from obsdesign.column_names import RECEIVED
 from obsdesign.data.arrivals import Arrivals, BadLine, Remark, Skip, require_mode
 from obsdesign.data.csv_lines import lines_of
@@ -48,7 +50,9 @@ def samples_in(blocks: Iterable[Block]) -> Iterator[Sample]:
     """The rows of blocks."""
     for block in blocks:
         if isinstance(block, Columns):
-            yield from samples_of(block)
+            for sample in samples_of(block):
+                is_missing = sample.y is not None and np.isnan(sample.y).all()
+                yield sample._replace(y=None) if is_missing else sample
         else:
             yield block
 

@@ -327,9 +327,6 @@ def samples_of(record: Columns) -> Iterator[Sample]:
     absent = [None] * len(record.t)
     blocks = (record.y, record.u, record.w, record.bounds, record.mode)
     y, u, w, bounds, mode = (absent if block is None else block for block in blocks)
-    if record.y is not None and (gaps := np.isnan(record.y)).any():
-        rows = zip(record.y, gaps.tolist(), strict=True)
-        y = [None if all(missing) else row for row, missing in rows]
     happens, events, at_their_time = record.happens, record.events, absent
     columns = (record.t.tolist(), y, u, w, happens, bounds, events, at_their_time, mode)
     for row in zip(*columns, repeat(()), strict=False):

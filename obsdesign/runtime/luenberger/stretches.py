@@ -62,7 +62,7 @@ class Stretches:
 
     def _begins(self, state: LuenbergerState, row: int) -> bool:
         """Is the step to a row one of measurements, without anything that an earlier row left?"""
-        is_known = state.y is not None or not self.record.jump[row] or self._is_before
+        is_known = state.y is not None or not self._happens[row] or self._is_before
         return state.started and is_known and self.observer.is_certain(state.refutation, state.u)
 
     @property
@@ -73,7 +73,7 @@ class Stretches:
     def _stepped(self, state: LuenbergerState, row: int) -> tuple[LuenbergerState, Estimate]:
         record = self.record
         u, w = (None if block is None else block[row] for block in (record.u, record.w))
-        t, jump = float(record.t[row]), bool(record.jump[row])
+        t, jump = float(record.t[row]), bool(self._happens[row])
         return self.observer.step(state, Sample(t, self.y[row], u, w, jump))
 
     @cached_property
@@ -86,8 +86,13 @@ class Stretches:
             return np.diff(self.record.t, prepend=self.before.t)
 
     @cached_property
+    def _happens(self) -> NDArray[np.bool_]:
+        """Of each row: does a jump happen at it?"""
+        return np.array(self.record.happens)
+
+    @cached_property
     def _jumps(self) -> Indices:
-        return np.flatnonzero(self.record.jump)
+        return np.flatnonzero(self._happens)
 
     @cached_property
     def _ends(self) -> Indices:
@@ -103,17 +108,17 @@ class Stretches:
         if record.w is not None:
             usual &= _are_moderate(record.w)
             if known.w is not None:
-                usual &= ~record.jump | (np.abs(record.w) <= known.w).all(axis=1)
+                usual &= ~self._happens | (np.abs(record.w) <= known.w).all(axis=1)
         if self.observer.gains.G is None:
-            usual &= ~record.jump
+            usual &= ~self._happens
         if self.observer.gains.jump_measurement == "none":  # the step between two has no y
-            usual[1:] &= ~(record.jump[1:] & record.jump[:-1])
+            usual[1:] &= ~(self._happens[1:] & self._happens[:-1])
         breaks = np.append(np.flatnonzero(~usual), count)
         return breaks[np.searchsorted(breaks, np.arange(count))]
 
     def _are_dwell_times_kept(self) -> NDArray[np.bool_]:
         """Of each row: is it in time for the last jump before it, without any tolerance?"""
-        t, jump, guard = self.record.t, self.record.jump, self.before.guard
+        t, jump, guard = self.record.t, self._happens, self.before.guard
         jumps = np.array([np.nan if guard.last_jump is None else guard.last_jump, *t[self._jumps]])
         dwell = np.diff(jumps, prepend=np.nan)
         dwell[0] = np.nan if guard.last_dwell is None else guard.last_dwell
@@ -155,7 +160,7 @@ class Stretches:
     def _known(self, state: LuenbergerState, rows: slice) -> Matrix:
         """[x; y at the start; u; 1; slope of y] of each step (k + 1, ...), x of the first alone."""
         n, p, steps = self.observer.n, self.observer.gains.p, self._steps[rows]
-        jump = self.record.jump[rows]
+        jump = self._happens[rows]
         start = np.empty((len(steps), p))
         end = self._measured[rows].copy()
         start[1:] = end[:-1]
@@ -192,7 +197,7 @@ class Stretches:
 
     def _behind(self, row: int, x: Matrix, state: LuenbergerState) -> LuenbergerState:
         """The state behind a row of a stretch; state: before it."""
-        is_used = not self.record.jump[row] or self.observer.gains.jump_measurement == "after"
+        is_used = not self._happens[row] or self.observer.gains.jump_measurement == "after"
         u = state.u if self.record.u is None else self.record.u[row].copy()
         y = self._measured[row].copy() if is_used else None
         return state._replace(

@@ -102,7 +102,8 @@ def test_every_event_is_drawn_by_its_name_and_samples_as_dots(tmp_path: Path) ->
 def test_an_axis_of_widths_shows_the_widest_and_six_decades_at_most(narrow: float) -> None:
     """A state that is known exactly at the start, to rounding, hides no other width."""
     t, width = np.arange(5.0), np.array([narrow, 1e-3, 0.2, 0.5, 1.0])
-    table = Table("e.csv", {"t": t, "x1_lo": -width / 2, "x1_hi": width / 2})
+    columns = {"t": t, "x1_lo": -width / 2, "x1_hi": width / 2}
+    table = Table("e.csv", {name: list(map(repr, x.tolist())) for name, x in columns.items()})
     record = EstimateRecord.from_tables(table, Table("", {}), Table("", {}), Table("", {}))
     axis = Figure().subplots()
     draw_widths(axis, "x1", record, None, False)
