@@ -16,6 +16,7 @@ from click.testing import CliRunner
 from docs.notebooks import BLOCK as FENCE
 from docs.notebooks import TUTORIALS, notebook
 from obsdesign.cli.commands import cli
+from tests.systems.compiled import require
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -77,6 +78,8 @@ def test_every_snippet_of_a_page_runs_in_turn(
     if page.stem == "interop":
         for package in ("control", "pandas"):
             pytest.importorskip(package, reason="the extra `interop` is not installed")
+    if page.stem == "embedded":
+        require("cc")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")  # a page may write there
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}  # later lines of Python know the earlier ones
