@@ -21,6 +21,8 @@ from obsdesign.runtime.columns import Columns
 
 # of which a cell may be read otherwise than as it stands, or not at all
 _SPECIAL = '"\0_'
+# cells of a column `jump` of a plant without jumps
+NO_JUMP = frozenset({"", "0", "0.0"})
 # characters of a line, far below what a cell of a CSV file may have
 _LONGEST_LINE = 2**16
 
@@ -64,7 +66,7 @@ class PlainRows:
         """The rows; ValueError or InputError where a line is none, or not in full."""
         t = self._complete(cells, TIME)
         self._check_times(t, previous)
-        if self.unused is not None and not {*map(str.strip, cells[self.unused])} <= _ZEROS:
+        if self.unused is not None and not {*map(str.strip, cells[self.unused])} <= NO_JUMP:
             raise ValueError
         jump = np.zeros(len(t))
         if self.layout.jump:
@@ -113,9 +115,6 @@ class PlainRows:
             except ValueError:
                 columns.append(_with_gaps(cells[self.places[title]]))
         return np.column_stack(columns)
-
-
-_ZEROS = frozenset({"", "0", "0.0"})
 
 
 def _is_plain(lines: Sequence[str]) -> bool:

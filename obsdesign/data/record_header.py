@@ -15,7 +15,7 @@ from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unus
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.csv_lines import cells_of, columns_titled
 from obsdesign.data.layout import Layout
-from obsdesign.data.plain_rows import PlainRows
+from obsdesign.data.plain_rows import NO_JUMP, PlainRows
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
@@ -90,7 +90,7 @@ class Header:
             sample = sample._replace(bounds=self.bounds.of_row(cells, where))
         if self.layout.clocks is None and not self.layout.jump and "jump" in self.titles:
             unused = cells[self.titles.index("jump")].strip()
-            if unused not in ("", "0", "0.0"):
+            if unused not in NO_JUMP:
                 raise InputError(
                     f"{where}: jump must be 0, since the design's plant has no [jump]; got "
                     f"{unused!r}. Is it the data of another plant?"

@@ -9,7 +9,7 @@ from lmi.arithmetic.enclosure import Enclosure, stack
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.errors import InputError
 from obsdesign.export.precision import Precision
-from obsdesign.export.program import Product, Program, Rules, Sizes, Tables
+from obsdesign.export.program import FLOWS, Product, Program, Rules, Sizes, Tables
 from obsdesign.export.timing import Steps, timing_of
 from obsdesign.runtime.clocks.time_stamps import length_error
 from obsdesign.runtime.interval.kernel import Kernel
@@ -19,8 +19,8 @@ from obsdesign.runtime.interval.model import Model, size
 from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.step_cache import shared_length
 
-# kernels of `StepKernels` by `program.FLOWS`
-_CONTINUOUS = {name: name for name in ("none", "start", "end", "both")}
+# kernels of `StepKernels` by flow
+_CONTINUOUS = {name: name for name in FLOWS}
 _PERIODIC = {"none": "none", "start": "none", "end": "sampled", "both": "sampled"}
 _STILL = {"none": "none", "start": "none", "end": "end", "both": "end"}
 

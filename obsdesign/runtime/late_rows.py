@@ -97,9 +97,25 @@ class LateRows:
         self._rows_before = self._rows
         if self._is_settled(sample.t):
             return None
+        try:
+            place = self._put(sample, rank, in_lines=in_lines)
+        except ValueError:
+            self.withdraw()
+            raise
+        if place is None:
+            return None
+        changed = first_changed(sample, self._errors)
+        since = bisect_left(self._rows, changed, hi=place, key=lambda row: row.t)
+        return Arrival(self.samples, place, self._leaving, since)
+
+    def _put(self, sample: Sample, rank: int, *, in_lines: bool) -> int | None:
+        """Where the row stands, or fills another of its time; None or ValueError as `insert`."""
         place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
         if not self._may_repeat and place and self._rows[place - 1].t == sample.t:
-            return self._filled(place - 1, sample)
+            row = self._rows[place - 1]
+            both = row._replace(sample=_together(row.sample, sample))
+            self._rows = [*self._rows[: place - 1], both, *self._rows[place:]]
+            return place - 1
         if self._now_before > sample.t and not in_lines:
             before = self._place_by_stages(sample, place)
             if before is None:
@@ -107,28 +123,8 @@ class LateRows:
             if before < place:
                 place, rank = before, self._rows[before].rank
         self._rows = [*self._rows[:place], _Row(sample.t, rank, sample), *self._rows[place:]]
-        try:
-            self._check_times(place)
-        except ValueError:
-            self.withdraw()
-            raise
-        return self._arrival(sample, place)
-
-    def _filled(self, place: int, sample: Sample) -> Arrival:
-        """A row of the same time as one of the buffer fills what that one leaves open."""
-        row = self._rows[place]
-        try:
-            both = _together(row.sample, sample)
-        except ValueError:
-            self.withdraw()
-            raise
-        self._rows = [*self._rows[:place], row._replace(sample=both), *self._rows[place + 1 :]]
-        return self._arrival(sample, place)
-
-    def _arrival(self, sample: Sample, place: int) -> Arrival:
-        changed = first_changed(sample, self._errors)
-        since = bisect_left(self._rows, changed, hi=place, key=lambda row: row.t)
-        return Arrival(self.samples, place, self._leaving, since)
+        self._check_times(place)
+        return place
 
     def _place_by_stages(self, sample: Sample, place: int) -> int | None:
         """Place of a late row among those of its time, the last of which is before `place`.
