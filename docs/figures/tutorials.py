@@ -6,10 +6,8 @@ python -m docs.figures.tutorials [FOLDER]        draws tutorials/*.png
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib as mpl
@@ -18,22 +16,12 @@ from docs.figures.folder import chosen
 from docs.notebooks import BLOCK, TUTORIALS
 
 
-@contextlib.contextmanager
-def _inside(folder: str) -> Iterator[None]:
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
-        yield
-    finally:
-        os.chdir(before)
-
-
 def draw(folder: Path) -> None:
     mpl.use("Agg")
     for page in sorted(TUTORIALS.glob("*.md")):
         with tempfile.TemporaryDirectory() as scratch:
             names: dict[str, object] = {}
-            with _inside(scratch):
+            with contextlib.chdir(scratch):
                 for language, file, text in BLOCK.findall(page.read_text("utf-8")):
                     if file:
                         Path(file).write_text(text, encoding="utf-8")

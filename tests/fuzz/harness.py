@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
@@ -43,22 +42,12 @@ class Outcome:
     seconds: float
 
 
-@contextmanager
-def _inside(folder: Path) -> Iterator[None]:
-    before = os.getcwd()
-    os.chdir(folder)
-    try:
-        yield
-    finally:
-        os.chdir(before)
-
-
 def call(case: Case, folder: Path) -> Outcome:
     """Run the command line in a folder; exceptions that leave it are not caught."""
     out, err, code = io.StringIO(), io.StringIO(), None
     start = time.process_time()
     with (
-        _inside(folder),
+        chdir(folder),
         mock.patch.object(sys, "argv", ["obsdesign", *case.arguments]),
         mock.patch.object(sys, "stdin", io.StringIO(case.stdin)),
         mock.patch.object(sys, "stdout", out),
