@@ -59,11 +59,12 @@ def _reason_against_sensors(plant: Plant) -> str | None:
             f"[[mode]] requires one sensor that is read at every row; the plant has {len(names)} "
             f"({', '.join(names)}). Several that are read at every row are one, with all rows in C."
         )
-    if plant.sensors[0].measured != CONTINUOUS:
+    sensor = plant.sensors[0]
+    if sensor.measured != CONTINUOUS:
         return (
-            f"{plant.stated('output.measured')} must be {CONTINUOUS!r} with [[mode]], for kinds "
-            f"{', '.join(TAKING_MODES)}. Observers for other times, without modes: "
-            f"{', '.join(TAKING_CLOCKS)}."
+            f"{sensor.required_clock([CONTINUOUS])} with [[mode]], for kinds "
+            f"{', '.join(TAKING_MODES)}; got {sensor.own_clock}. Observers for other times, "
+            f"without modes: {', '.join(TAKING_CLOCKS)}."
         )
     return None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
@@ -229,6 +230,17 @@ class Sensor(Output):
     def entry(self) -> str:
         """What messages call it."""
         return f"sensor.{self.name}"
+
+    def required_clock(self, fitting: Sequence[str]) -> str:
+        """Sentence without its end: how its file says that it is measured in one of these ways."""
+        written = {CONTINUOUS: f'every = "{CONTINUOUS}"', "at_jumps": 'at = "EVENT"'}
+        ways = [written.get(way, "a number as every") for way in fitting]
+        return f"{self.entry} must have {' or '.join(ways)}"
+
+    @property
+    def own_clock(self) -> str:
+        """Its clock as its file has it."""
+        return f"every = {shown(self.every)}" if self.at is None else f"at = {shown(self.at)}"
 
     @property
     def columns(self) -> tuple[str, ...]:

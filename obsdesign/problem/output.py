@@ -144,6 +144,15 @@ class Output(Block):
         """Name of the event at which alone it is read; None where it has a clock of its own."""
         return "jump" if self.measured == "at_jumps" else None
 
+    def required_clock(self, fitting: Sequence[str]) -> str:
+        """Sentence without its end: how its file says that it is measured in one of these ways."""
+        return f"output.measured must be {' or '.join(fitting)}"
+
+    @property
+    def own_clock(self) -> str:
+        """When it is measured, as its file has it."""
+        return repr(self.measured)
+
     @property
     def stated_times(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
         """Entries that hold times of its clock, each with these."""

@@ -292,4 +292,4 @@ class Plant:
         if block == "jump" and not self.events:
             return "[[event]]"
         owner = self.events[0] if block == "jump" else self.sensors[0]
-        return f"{owner.entry}.{'every' if key in ('dwell_time', 'measured') else key}"
+        return f"{owner.entry}.{'every' if key in ('dwell_time', 'period') else key}"

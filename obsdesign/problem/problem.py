@@ -178,13 +178,10 @@ class Problem:
 
     def reason_unless_measured(self, *fitting: str) -> str | None:
         """Reason against a problem that is not measured in one of these ways, or None."""
-        measured = self.plant.output.measured
-        if measured in fitting:
+        sensor = self.plant.output
+        if sensor.measured in fitting:
             return None
-        return (
-            f"{self.plant.stated('output.measured')} must be {' or '.join(fitting)} for kind "
-            f"{self.kind!r}; got {measured!r}."
-        )
+        return f"{sensor.required_clock(fitting)} for kind {self.kind!r}; got {sensor.own_clock}."
 
     def require(self, entry: str, needed_by: str = "") -> Value:
         """Value of an optional entry, or DoesNotApply with what `reason_without` says."""

@@ -115,6 +115,30 @@ def test_a_kind_of_one_clock_names_those_of_several(kind: str) -> None:
         obsdesign.design(Problem.from_dict(DOSES).for_kind(kind)[0])
 
 
+@pytest.mark.parametrize(
+    ("kind", "clock", "required"),
+    [
+        ("luenberger", {"every": 0.5}, 'must have every = "continuous" or at = "EVENT"'),
+        ("impulsive", {"every": "continuous"}, 'must have at = "EVENT"'),
+    ],
+)
+def test_a_refused_clock_is_named_as_the_file_has_it(
+    kind: str, clock: dict[str, Any], required: str
+) -> None:
+    ((key, value),) = clock.items()
+    body: Any = {
+        "flow": {"A": [[-1.0]], "D": [[1.0]]},
+        "event": [{"name": "dose", "G": [[0.5]], "every": [1.0, 2.0]}],
+        "sensor": [{"name": "scale", "C": [[1.0]], "noise_bound": [0.1], **clock}],
+        "observer": {"kind": kind},
+    }
+    with pytest.raises(DoesNotApply) as refusal:
+        obsdesign.design(Problem.from_dict(body))
+    assert f"sensor.scale {required} for kind {kind!r}; got {key} = {value!r}." in str(
+        refusal.value
+    )
+
+
 def test_bounds_of_every_noise_are_required() -> None:
     body: Any = copy.deepcopy(DOSES)
     del body["sensor"][1]["noise_bound"]
