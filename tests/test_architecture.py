@@ -66,6 +66,8 @@ def test_packages_live_where_they_belong(path: Path) -> None:
         "distributed": ("obsdesign.studies.sweep",),
         "control": ("obsdesign.interop",),
         "pandas": ("obsdesign.interop", "obsdesign.notebook"),
+        "marimo": ("obsdesign.explore.page",),
+        "tomlkit": ("obsdesign.explore",),
         "jsonschema": ("obsdesign.problem", "obsdesign.cli"),
     }
     for package, places in only.items():
@@ -115,6 +117,7 @@ def test_light_layers_import_nothing_heavy(prefix: str, allowed: tuple[str, ...]
 LEVELS = (
     ("__main__",),
     ("cli",),
+    ("explore",),
     ("checker",),  # no one imports it, and it imports nothing
     ("notebook",),
     ("pages",),

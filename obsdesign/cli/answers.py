@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from typing import TYPE_CHECKING
 
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from obsdesign.data.noise_estimate import NoiseEstimate
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
     from obsdesign.studies.comparison.row import ComparisonRow
-    from obsdesign.studies.search.result import SearchResult
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 _MARKS = {
@@ -111,7 +109,7 @@ def show_bracket(what: str, outcome: Outcome) -> None:
     from obsdesign.studies.search.result import SearchResult
 
     result, name = SearchResult.from_dict(outcome.result), what.replace("_", " ")
-    print(f"{name}: {_bracket(result, outcome.verdict)}")
+    print(f"{name}: {result.inequality(outcome.verdict)}")
     if result.proved is None:
         for claim in outcome.claims:
             if claim.verdict != "proved":
@@ -129,33 +127,6 @@ def show_bracket(what: str, outcome: Outcome) -> None:
         print(f"  {more_time(result.ended, 'narrow the bracket')}")
     for low, high in result.islands:
         print(f"  not one interval: constant dwell times in [{low:g}, {high:g}] contract as well")
-
-
-def _bracket(result: SearchResult, verdict: str) -> str:
-    """The bracket as an inequality, its ends with as many digits as tell them apart."""
-    proved, other = result.proved, result.not_proved
-    word = result.not_proved_verdict
-    if proved is None:
-        return f"nothing is proved ({verdict})" + ("" if other is None else f", {other!r} {word}")
-    if other is None:
-        return f"{proved:.10g} proved"
-    if other < proved:
-        low, high = _apart(other, proved)
-        return f"{low} {word} < limit ≤ {high} proved"
-    low, high = _apart(proved, other)
-    return f"{low} proved ≤ limit < {high} {word}"
-
-
-def _apart(low: float, high: float) -> tuple[str, str]:
-    """Two ends with a digit more than tells them apart, the lower rounded down, the upper up."""
-    for digits in range(3, 17):
-        if f"{low:.{digits}g}" != f"{high:.{digits}g}":
-            break
-    ends = []
-    for value, mode in ((low, ROUND_FLOOR), (high, ROUND_CEILING)):
-        with localcontext(prec=digits + 1, rounding=mode):
-            ends.append("inf" if math.isinf(value) else f"{+Decimal(value):f}")
-    return ends[0], ends[1]
 
 
 _CAUTION = (

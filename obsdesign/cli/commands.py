@@ -16,7 +16,7 @@ import warnings
 import click
 
 from lmi.memory import OversizeError
-from obsdesign.cli import data, exporting, pages, proving, sweeping
+from obsdesign.cli import data, exploring, exporting, pages, proving, sweeping
 from obsdesign.cli.talk import on_stderr
 from obsdesign.errors import InputError
 
@@ -37,7 +37,7 @@ def cli(quiet: bool, verbose: bool) -> None:
 for command in (
     pages.demo, proving.check, proving.design, proving.verify, proving.search, data.simulate,
     data.run, data.plot, exporting.export, data.convert, data.noise, sweeping.sweep, pages.compare,
-    pages.report, pages.schema, pages.completion,
+    pages.report, exploring.explore, pages.schema, pages.completion,
 ):  # fmt: skip
     cli.add_command(command)
 

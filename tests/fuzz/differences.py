@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from obsdesign.equations.interval.gains import CORRECTIONS
 from obsdesign.kinds import GAINS
 
 
@@ -20,7 +21,7 @@ def differs(base: Any, body: Any) -> bool:
             return None
         return sorted(json.dumps([claim.get(key) for key in keys]) for claim in claims)
 
-    free = {"state_error", "radius", *_open_gains(base)}
+    free = {"state_error", "radius", *CORRECTIONS, *_open_gains(base)}
     return not equal(_exact_gains(base, free), _exact_gains(body, free)) or words(base) != words(
         body
     )

@@ -142,7 +142,9 @@ def test_sampled_sensors_and_several_of_them_are_refused(kind: str, every: Any) 
     """Each refusal names what modes require, for the plant as it is."""
     body = valve(kind=kind).to_dict()
     body["sensor"][0]["every"] = every
-    words = r'must have every = "continuous" with \[\[mode\]\].* without modes: interval, set_member'
+    words = (
+        r'must have every = "continuous" with \[\[mode\]\].* without modes: interval, set_member'
+    )
     with pytest.raises(InputError, match=words):
         investigate(Problem.from_dict(body))
     body["sensor"].append({**body["sensor"][0], "name": "second"})

@@ -45,7 +45,8 @@ def draw_widths(
     axis: Axes, name: str, record: EstimateRecord, strip: Strip | None, rows_only: bool
 ) -> None:
     """Width of the bounds over time, on a logarithmic axis; the strip's as a level."""
-    drawn = [] if strip is None else [np.array([strip.width])]
+    level = strip.width if strip is not None else 0.0  # 0 without noise: not on such an axis
+    drawn = [np.array([level])] if level else []
     for table in (record.other, record.estimate):
         if f"{name}_lo" not in table:
             continue
@@ -55,8 +56,8 @@ def draw_widths(
             t, (width,) = with_gaps(t, [width], record.jumps)
         drawn.append(width[np.isfinite(width) & (width > 0)])
         axis.plot(t, width, "." if rows_only else "-", color=_style(record, table)["color"], lw=1.3)
-    if strip is not None:
-        axis.axhline(strip.width, color=_STRIP, lw=1.4, ls=(0, (4, 2)))
+    if level:
+        axis.axhline(level, color=_STRIP, lw=1.4, ls=(0, (4, 2)))
     axis.set_yscale("log")
     low, high = _decades(np.concatenate([np.ones(0), *drawn]))
     missing = max(0.0, _LEAST_DECADES - (high - low)) / 2

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 
 from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.time_budget import ended_part
@@ -50,6 +52,21 @@ class SearchResult:
             body["islands"] = [list(island) for island in self.islands]
         return body | dict(self.ended)
 
+    def inequality(self, verdict: str) -> str:
+        """The bracket of a search with that verdict, its ends in digits that tell them apart."""
+        proved, other, word = self.proved, self.not_proved, self.not_proved_verdict
+        if proved is None:
+            return f"nothing is proved ({verdict})" + (
+                "" if other is None else f", {other!r} {word}"
+            )
+        if other is None:
+            return f"{proved:.10g} proved"
+        if other < proved:
+            low, high = _apart(other, proved)
+            return f"{low} {word} < limit ≤ {high} proved"
+        low, high = _apart(proved, other)
+        return f"{low} proved ≤ limit < {high} {word}"
+
     @staticmethod
     def from_dict(body: Entries) -> SearchResult:
         """The result of any search; entries that its kind does not state keep their defaults."""
@@ -57,3 +74,15 @@ class SearchResult:
         known: NewEntries = {name: body[name] for name in names}
         known["islands"] = tuple((low, high) for low, high in body.get("islands", ()))
         return SearchResult(**known | {"ended": ended_part(body)})
+
+
+def _apart(low: float, high: float) -> tuple[str, str]:
+    """Two ends with a digit more than tells them apart, the lower rounded down, the upper up."""
+    for digits in range(3, 17):
+        if f"{low:.{digits}g}" != f"{high:.{digits}g}":
+            break
+    ends = []
+    for value, mode in ((low, ROUND_FLOOR), (high, ROUND_CEILING)):
+        with localcontext(prec=digits + 1, rounding=mode):
+            ends.append("inf" if math.isinf(value) else f"{+Decimal(value):f}")
+    return ends[0], ends[1]

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import copy
 import difflib
+import functools
 import math
+import operator
 import re
 from dataclasses import dataclass
 from fractions import Fraction
@@ -39,7 +41,7 @@ class Axis:
     @property
     def path(self) -> Path:
         """The entry as keys and indices."""
-        return tuple(int(i) if i else name for name, i in _STEP.findall(self.key))
+        return path_of(self.key)
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -80,6 +82,16 @@ def parse_axis(text: str) -> Axis:
     if count < 1:
         raise InputError(f"{form}; count must be an integer >= 1, got {parts[2]!r}.")
     return Axis(key.strip(), first + 0.0, last + 0.0, count)
+
+
+def path_of(key: str) -> Path:
+    """Keys and indices of an entry as it is written."""
+    return tuple(int(i) if i else name for name, i in _STEP.findall(key))
+
+
+def entry(body: Value, path: Path) -> Value:
+    """What a problem as a dict holds in an entry."""
+    return functools.reduce(operator.getitem, path, body)
 
 
 def changed(body: Value, path: Path, value: float) -> NewEntries:
