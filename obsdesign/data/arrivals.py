@@ -39,7 +39,7 @@ class Arrivals:
     arrival, whatever a column `received` says; remark: called with a sentence for each row that
     comes too late, which is left out; note: with that row and those that wait; watch: called with
     each arrival, once the first row in time names its mode, one of `modes` (none where the mode is
-    known); is_first: is it the first part of a record? needs_all: may no row be left out?
+    known); is_first: is it the first part of a record? silence_counts: may no row be left out?
     """
 
     buffer: LateRows
@@ -47,7 +47,7 @@ class Arrivals:
     is_stream: bool = False
     watch: Callable[[Arrival], None] | None = None
     is_first: bool = True
-    needs_all: bool = False
+    silence_counts: bool = False
     note: Callable[[Sample, Sequence[Sample]], None] | None = None
     modes: Sequence[str] = ()
 
@@ -57,29 +57,29 @@ class Arrivals:
         name: str,
         skip: Skip | None,
         *,
-        has_stamps: bool,
+        has_received: bool,
     ) -> Iterator[Sample]:
         """Rows in the order of time, each once none before it can come; the others stay.
 
-        lines: their numbers and samples. has_stamps: is there a column `received`? Without it rows
-        arrive in the order of lines. skip: called for a second row of one time,
-        where rows may not share it, or of a time between two steps; without it that is an
-        InputError, and so is a first part of which every row comes too late.
-        InputError for a row that comes too late, or skip, where none may be left out.
+        lines: their numbers and samples. has_received: is there a column `received`? Without it
+        rows arrive in the order of lines. skip: called for a second row of one time, where rows may
+        not share it, or of a time between two steps; without it that is an InputError, and so is a
+        first part of which every row comes too late, and any row that is left out where none may
+        be.
         """
         delays, taken = list[float](), 0
-        in_lines = has_stamps and not self.is_stream
-        if in_lines:
+        in_file_order = has_received and not self.is_stream
+        if in_file_order:
             lines = sorted(lines, key=lambda row: received(row[1]))
         for number, sample in lines:
             try:
-                arrival = self.buffer.insert(sample, number, in_lines=in_lines)
+                arrival = self.buffer.insert(sample, number, in_file_order=in_file_order)
             except ValueError as error:
                 if skip is None:
                     raise InputError(f"{name} line {number}: {error}") from None
                 skip(BadLine(f"{name} line {number}: {error}", number, sample.t))
                 continue
-            if arrival is None and self.needs_all:
+            if arrival is None and self.silence_counts:
                 raise InputError(f"{name}: {self.buffer.reason_against(sample)[:-1]}: {SILENCE}.")
             if arrival is None:
                 delays.append(self.buffer.now - sample.t)
@@ -90,16 +90,21 @@ class Arrivals:
             taken += 1
             if self.watch is not None and (arrival.samples[0].mode is not None or not self.modes):
                 self.watch(arrival)
-            if arrival.leaving:
-                self.require_mode(name)
-                self.modes = ()
-            yield from self.buffer.settled()
+            yield from self._final(name)
+        yield from self._final(name)  # a row that came too late may have settled others
         if self.is_first and delays and not taken:
             raise InputError(
-                f"{name}: rows at most report_delay {self.buffer.lag:.9g} late are required; all "
+                f"{name}: rows at most {self.buffer.lag_text} late are required; all "
                 f"{len(delays)} are later, by {max(delays):.9g} at most. Is report_delay of the "
                 "events and sensors stated?"
             )
+
+    def _final(self, name: str) -> list[Sample]:
+        """Take out the rows that no other can precede any more; InputError as `require_mode`."""
+        if self.buffer.leaving:
+            self.require_mode(name)
+            self.modes = ()
+        return self.buffer.settled()
 
     def require_mode(self, name: str) -> None:
         """InputError unless the first row in time names its mode, or the mode is known."""

@@ -37,7 +37,7 @@ class ClockColumns:
 
     lag: time after which a row is final, the longest `report_delay` plus the largest `time_error`;
     errors: `time_error` of each event; sees_after (p,): does an output see the state after an event
-    of its time? needs_every_row: does a row without a sample of a sensor
+    of its time? silence_counts: does a row without a sample of a sensor
     that sends on change say that there was none?
     """
 
@@ -45,7 +45,7 @@ class ClockColumns:
     sensors: Mapping[str, int]
     lag: float = 0.0
     errors: tuple[float, ...] = ()
-    needs_every_row: bool = False
+    silence_counts: bool = False
     sees_after: tuple[bool, ...] = ()
 
     @classmethod

@@ -12,8 +12,9 @@ from obsdesign.data.stream import Stream, refuse_whole_records
 from obsdesign.errors import InputError
 from obsdesign.output_files import replacing
 from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
-from obsdesign.runtime.late_rows import Arrival, LateRows, Replay, provisional
+from obsdesign.runtime.late_rows import Arrival, LateRows
 from obsdesign.runtime.progress import Progress
+from obsdesign.runtime.replay import Revisions, provisional
 
 
 def refuse_late_rows(
@@ -24,7 +25,7 @@ def refuse_late_rows(
     Also where lines may be skipped although their silence counts. target: file of provisional
     estimates, None without one.
     """
-    if skip_bad and layout.clocks is not None and layout.clocks.needs_every_row:
+    if skip_bad and layout.clocks is not None and layout.clocks.silence_counts:
         raise InputError(f"--skip-bad is not available: {SILENCE}.")
     if layout.lag > 0:
         refuse_whole_records(observer, "report_delay")
@@ -49,8 +50,8 @@ def arrivals_of(
         before=stored.t, dt=layout.dt, errors=() if layout.clocks is None else layout.clocks.errors,
         sees_after=() if layout.clocks is None else layout.clocks.sees_after,
     )  # fmt: skip
-    needs_all = layout.clocks is not None and layout.clocks.needs_every_row
-    return Arrivals(buffer, remark, is_stream, watch, is_first, needs_all, modes=modes)
+    silence_counts = layout.clocks is not None and layout.clocks.silence_counts
+    return Arrivals(buffer, remark, is_stream, watch, is_first, silence_counts, modes=modes)
 
 
 def final_then_provisional(
@@ -59,7 +60,7 @@ def final_then_provisional(
     """Estimates of final rows; then of rows that are not, as provisional, where they are given."""
     yield from parts.estimates(rows, live=live)
     waiting = () if arrivals is None else arrivals.waiting
-    if waiting:  # the last row to arrive always waits
+    if waiting:
         parts.begin(waiting[0].t)
         yield from map(provisional, parts.estimates(iter(waiting), live=live))
         yield from map(provisional, parts.tail())
@@ -77,12 +78,12 @@ def provisional_lines(
     if path is None:
         yield None
         return
-    replay = Replay(observer, _state_at_rows(observer, stored, initial))
+    revisions = Revisions(observer, _state_at_rows(observer, stored, initial))
     with replacing(path) as file:
         file.write(estimate_header(observer.names) + "\n")
 
         def write(arrival: Arrival) -> None:
-            estimates = map(mark, replay.revised(arrival).provisional)
+            estimates = map(mark, revisions.revised(arrival).provisional)
             file.writelines(estimate_line(each) + "\n" for each in estimates)
             if live:
                 file.flush()

@@ -95,7 +95,7 @@ def read_blocks(
         require_mode(samples[0], layout.modes, name)
         yield from samples
     else:
-        yield from arrivals.in_order(rows, name, skip, has_stamps=RECEIVED in header.places)
+        yield from arrivals.in_order(rows, name, skip, has_received=RECEIVED in header.places)
 
 
 def _blocks(

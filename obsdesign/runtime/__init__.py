@@ -8,7 +8,7 @@ state, estimate = observer.step(state, Sample(0.1, y=[0.4]))
 
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.bounds import Bounds
-from obsdesign.runtime.late_rows import Replay
 from obsdesign.runtime.load import from_design, load
+from obsdesign.runtime.replay import Replay
 
 __all__ = ["Bounds", "Estimate", "Replay", "Sample", "from_design", "load"]

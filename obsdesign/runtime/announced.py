@@ -7,7 +7,8 @@ also those before its own row. Such rows carry it in `Sample.ahead`.
 from __future__ import annotations
 
 import math
-from collections import deque
+from bisect import bisect_left
+from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 
 from obsdesign.runtime.base import Announced, Sample
@@ -26,6 +27,8 @@ def closing(stamp: float, error: float) -> float:
 
 def uncertain(sample: Sample, errors: Sequence[float]) -> list[Announced]:
     """Events of a row whose times are uncertain."""
+    if not sample.jump and not sample.events:
+        return []
     places = sample.events or ((0,) if sample.jump else ())
     return [
         Announced(k, float(sample.t), sample.w) for k in places if k < len(errors) and errors[k]
@@ -42,14 +45,16 @@ def with_events_ahead(samples: Sequence[Sample], errors: Sequence[float]) -> lis
     """Rows in the order of time, each with the events behind it that may come before it."""
     if not any(errors):
         return list(samples)
-    listed = [(k, each) for k, row in enumerate(samples) for each in uncertain(row, errors)]
+    ahead = defaultdict[int, list[Announced]](list)
+    for place, row in enumerate(samples):
+        for each in uncertain(row, errors):
+            earliest = opening(each.t, errors[each.event])
+            since = bisect_left(samples, earliest, hi=place, key=lambda x: x.t)
+            for k in range(since, place):
+                ahead[k].append(each)
     return [
-        row._replace(ahead=tuple(
-            each for place, each in listed
-            if place > k and opening(each.t, errors[each.event]) <= row.t
-        ))
-        for k, row in enumerate(samples)
-    ]  # fmt: skip
+        row._replace(ahead=tuple(ahead[k])) if k in ahead else row for k, row in enumerate(samples)
+    ]
 
 
 def announcing(samples: Iterable[Sample], errors: Sequence[float]) -> Iterator[Sample]:

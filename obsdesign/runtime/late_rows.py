@@ -1,29 +1,22 @@
-"""Rows that arrive late: a buffer in the order of time, and a replay of later rows.
-
-States are immutable and a step has no effect but its result: a row that arrives late is inserted,
-and the rows behind it are stepped again from the state before it. What comes out is, bit for bit,
-what rows in the order of time give, whatever the kind of observer.
-"""
+"""Rows that arrive late: a buffer in the order of time."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Value
 from obsdesign.runtime.announced import first_changed, with_events_ahead
-from obsdesign.runtime.base import Estimate, KindState, Observer, Sample
+from obsdesign.runtime.base import Sample
 from obsdesign.runtime.bounds import Bounds
 from obsdesign.runtime.clocks.time_grid import steps_to_row
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
-from obsdesign.runtime.status import with_reasons
 
-PROVISIONAL = "provisional"
 _EVENT = 1  # between samples that see the state before it, 0, and after it, 2
 
 
@@ -48,19 +41,8 @@ class Arrival(NamedTuple):
     since: int
 
 
-class Revised(NamedTuple):
-    """Estimates that an arrival changes.
-
-    provisional: of the row that arrived and of those behind it; final: of the rows that no other
-    can precede any more.
-    """
-
-    provisional: Sequence[Estimate]
-    final: Sequence[Estimate]
-
-
 class LateRows:
-    """Rows of the last `lag` in the order of time; rows of one time in the order of the file.
+    """Rows of the last `lag` in the order of time; of one time as `insert` places them.
 
     lag: longest time between a row and its arrival, or the stamp of an event that may come before
     it; may_repeat: rows may share a time; now: time of the last arrival so far; before: that of the
@@ -85,20 +67,20 @@ class LateRows:
         """The rows of the buffer, with the events behind them that may come before them."""
         return tuple(with_events_ahead([row.sample for row in self._rows], self._errors))
 
-    def insert(self, sample: Sample, rank: int, *, in_lines: bool = False) -> Arrival | None:
+    def insert(self, sample: Sample, rank: int, *, in_file_order: bool = False) -> Arrival | None:
         """Put a row in its place; None if it has none, as `reason_against` says.
 
-        rank: its place in the order of the file. in_lines: do rows of one time act in this order
-        also where one is late? Otherwise a late one acts as its sensors see events. Where rows may
-        not share a time, a second one fills what the first leaves open. ValueError where it does
-        not fit, and for a time between two steps.
+        rank: its place in the order of the file. in_file_order: do rows of one time act in this
+        order also where one is late? Otherwise a late one acts as its sensors see events. Where
+        rows may not share a time, a second one fills what the first leaves open. ValueError where
+        it does not fit, and for a time between two steps.
         """
         self._now_before, self.now = self.now, max(self.now, received(sample))
         self._rows_before = self._rows
         if self._is_settled(sample.t):
             return None
         try:
-            place = self._put(sample, rank, in_lines=in_lines)
+            place = self._put(sample, rank, in_file_order=in_file_order)
         except ValueError:
             self.withdraw()
             raise
@@ -106,17 +88,19 @@ class LateRows:
             return None
         changed = first_changed(sample, self._errors)
         since = bisect_left(self._rows, changed, hi=place, key=lambda row: row.t)
-        return Arrival(self.samples, place, self._leaving, since)
+        return Arrival(self.samples, place, self.leaving, since)
 
-    def _put(self, sample: Sample, rank: int, *, in_lines: bool) -> int | None:
+    def _put(self, sample: Sample, rank: int, *, in_file_order: bool) -> int | None:
         """Where the row stands, or fills another of its time; None or ValueError as `insert`."""
         place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
-        if not self._may_repeat and place and self._rows[place - 1].t == sample.t:
-            row = self._rows[place - 1]
-            both = row._replace(sample=_together(row.sample, sample))
-            self._rows = [*self._rows[: place - 1], both, *self._rows[place:]]
-            return place - 1
-        if self._now_before > sample.t and not in_lines:
+        first = bisect_left(self._rows, sample.t, hi=place, key=lambda row: row.t)
+        if not self._may_repeat:
+            same = self._rows[first : first + 1]
+            if same and same[0].t == sample.t:
+                both = same[0]._replace(sample=_merged(same[0].sample, sample))
+                self._rows = [*self._rows[:first], both, *self._rows[first + 1 :]]
+                return first
+        if self._now_before > sample.t and not in_file_order:
             before = self._place_by_stages(sample, place)
             if before is None:
                 return None
@@ -170,11 +154,12 @@ class LateRows:
 
     def settled(self) -> list[Sample]:
         """Take out the rows that no other can precede any more."""
-        count, samples = self._leaving, self.samples
-        if count:
-            self._before = self._rows[count - 1].t
-        self._rows = self._rows[count:]
-        return list(samples[:count])
+        count = self.leaving
+        if not count:
+            return []
+        samples = self.samples[:count]
+        self._before, self._rows = self._rows[count - 1].t, self._rows[count:]
+        return list(samples)
 
     def reason_against(self, sample: Sample) -> str:
         """Sentence about a row that has no place in the buffer."""
@@ -183,24 +168,35 @@ class LateRows:
                 f"the row of t = {sample.t:.9g} arrived late and acts between samples or events "
                 "that are in one row of this time; it is skipped. Give each a row of its own."
             )
-        known = "report_delay and time_error" if self._errors else "report_delay"
+        if sample.t >= self.now - self.lag:  # less than the rounding of stamps before
+            return (
+                f"the row of t = {sample.t!r} arrived after one of {self._before!r} was final; it "
+                "is skipped."
+            )
         return (
-            f"the row of t = {sample.t:.9g} arrived at {self.now:.9g}, more than {known} "
-            f"{self.lag:.9g} later; it is skipped."
+            f"the row of t = {sample.t:.9g} arrived at {self.now:.9g}, more than {self.lag_text} "
+            "later; it is skipped."
         )
 
     @property
-    def _leaving(self) -> int:
+    def lag_text(self) -> str:
+        """The lag and the entries that it comes from, as sentences name it."""
+        entries = "report_delay and time_error" if any(self._errors) else "report_delay"
+        return f"{entries} {self.lag:.9g}"
+
+    @property
+    def leaving(self) -> int:
+        """How many rows no other can precede any more."""
         if self.lag == 0:  # rows of one time come in order
             return len(self._rows)
-        return sum(self._is_settled(row.t) for row in self._rows)
+        return bisect_left(self._rows, True, key=lambda row: not self._is_settled(row.t))
 
     def _is_settled(self, t: float) -> bool:
         """Have all rows up to time t arrived by now?"""
-        return self.now - t > self.lag + time_tolerance(self.lag, self.now)
+        return t < self._before or self.now - t > self.lag + time_tolerance(self.lag, self.now)
 
 
-def _together(row: Sample, other: Sample) -> Sample:
+def _merged(row: Sample, other: Sample) -> Sample:
     """One row of two of a time; ValueError where both state the same.
 
     received: of the later one.
@@ -230,71 +226,6 @@ def _either(own: Value, new: Value, reason: str) -> Value:
     if own is not None and new is not None and not np.array_equal(own, new):
         raise ValueError(reason)
     return new if own is None else own
-
-
-class Replay:
-    """An observer on rows that arrive late: estimates of all rows that an arrival changes.
-
-    lag: longest time between a row and its arrival, to which the errors of the times of events are
-    added. state: that before the first row, or a function from the time of that row to this state,
-    where an earlier row may still come.
-    """
-
-    def __init__(
-        self,
-        observer: Observer,
-        state: KindState | Callable[[float], KindState],
-        lag: float = 0.0,
-    ) -> None:
-        self._observer, self._state = observer, state
-        self._entries: list[tuple[KindState, Estimate]] = []
-        errors = observer.time_errors
-        self._rows = LateRows(lag + max(errors, default=0.0), errors=errors)
-        self._arrived = 0
-
-    def take(self, sample: Sample) -> list[Estimate]:
-        """Estimates of the row and of those behind it, then of the rows that are final with it.
-
-        The former have the status `provisional`. Rows of one time act in the order in which they
-        are taken. ValueError for a sample that the observer cannot take, and for a row older than
-        the lag: it is left out, and later bounds may depend on it.
-        """
-        arrival = self._rows.insert(sample, self._arrived)
-        if arrival is None:
-            raise ValueError(self._rows.reason_against(sample))
-        self._arrived += 1
-        try:
-            revised = self.revised(arrival)
-        except ValueError:
-            self._rows.withdraw()
-            raise
-        self._rows.settled()
-        return [*revised.provisional, *revised.final]
-
-    def revised(self, arrival: Arrival) -> Revised:
-        """Estimates after the arrival of a row; ValueError as `take`, which changes nothing."""
-        samples, since, leaving = arrival.samples, arrival.since, arrival.leaving
-        entries = self._entries[:since]
-        state = entries[-1][0] if entries else self._before(samples[0].t)
-        for sample in samples[len(entries) :]:
-            state, estimate = self._observer.step(state, sample)
-            entries.append((state, estimate))
-        if leaving:
-            self._state = entries[leaving - 1][0]
-        self._entries = entries[leaving:]
-        estimates = [estimate for _, estimate in entries]
-        return Revised([provisional(each) for each in estimates[since:]], estimates[:leaving])
-
-    def _before(self, t: float) -> KindState:
-        """The state before the first row of the buffer, which is of time t."""
-        return self._state(t) if callable(self._state) else self._state
-
-
-def provisional(estimate: Estimate) -> Estimate:
-    """The estimate with the word that rows before it may still come, beside other reasons."""
-    status = estimate.status
-    reasons = [] if status == "ok" else [status]
-    return estimate._replace(status=with_reasons(PROVISIONAL, reasons))
 
 
 def received(sample: Sample) -> float:

@@ -79,7 +79,7 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
         """The observer of one mode, or of an event in it."""
 
     @abstractmethod
-    def _still(self, inner: Inner) -> Inner:
+    def _at_same_time(self, inner: Inner) -> Inner:
         """The state of an observer, from which a row of the same time may follow."""
 
     @abstractmethod
@@ -92,7 +92,7 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
         """Move to the time of the sample in the mode before, use it, and enter its mode."""
         after, places = self._place(sample, state.mode), self._named.places(sample)
         before = after if state.mode is None else state.mode
-        inner, estimate = self._moved(state.inner, sample, before, places)
+        inner, estimate = self._advanced(state.inner, sample, before, places)
         t, events = estimate.t, estimate.events
         guards, not_kept = self._named.guarded(state.guards, t, places)
         reasons = [*self._objections(sample.t, state, after), *not_kept]
@@ -112,7 +112,7 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
         )
         return following, estimate._replace(events=events, status=with_reasons(status, reasons))
 
-    def _moved(
+    def _advanced(
         self, inner: Inner, sample: Sample, mode: int, places: Sequence[int]
     ) -> tuple[Inner, Estimate]:
         """The state after the flow, the measurement and the events of a row, and the estimate."""
@@ -125,14 +125,14 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
             y = sample.y if k == measured_at else None
             own = sample._replace(y=y, w=w, jump=True, events=())
             observer = self._at_events[mode, event, k == measured_at]
-            inner, estimate = observer.step(self._still(inner) if k else inner, own)
-            estimates.append(self._of_event(estimate, event))
+            inner, estimate = observer.step(self._at_same_time(inner) if k else inner, own)
+            estimates.append(self._with_event_name(estimate, event))
         faults = [one.status for one in estimates if one.status != "ok"]
         events = tuple(event for one in estimates for event in one.events)
         status = with_reasons("ok", list(dict.fromkeys(faults)))
         return inner, estimates[-1]._replace(events=events, status=status)
 
-    def _of_event(self, estimate: Estimate, place: int) -> Estimate:
+    def _with_event_name(self, estimate: Estimate, place: int) -> Estimate:
         """The estimate of a jump with the name of its event."""
         name = self.gains.events[place].name
         named = [(t, name if text == JUMP else text) for t, text in estimate.events]

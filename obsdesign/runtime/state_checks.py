@@ -160,5 +160,5 @@ def _check_guard(name: str, guard: DwellGuard, limits: DwellGuard) -> None:
             raise wrong(f"{name}.{entry}", f"{limit!r}, that of the design", stored)
     if guard.last_jump is not None and not math.isfinite(guard.last_jump):
         raise wrong(f"{name}.last_jump", "finite", guard.last_jump)
-    if guard.last_dwell is not None and (guard.last_jump is None or not guard.last_dwell > 0):
-        raise wrong(f"{name}.last_dwell", "positive, before last_jump", guard.last_dwell)
+    if guard.last_dwell is not None and (guard.last_jump is None or not guard.last_dwell >= 0):
+        raise wrong(f"{name}.last_dwell", "not negative, before last_jump", guard.last_dwell)

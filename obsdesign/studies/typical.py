@@ -16,7 +16,7 @@ from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.record import ComparisonRecord, end_of_record
-from obsdesign.studies.comparison.row import estimates_on, late_rows
+from obsdesign.studies.comparison.row import estimates_on, rows_of_second_half
 from obsdesign.verification.state_widths import StateWidths, state_labels
 from obsdesign.workflow import Outcome
 
@@ -55,7 +55,7 @@ def typical_values(design: Design) -> list[float | None]:
         values = np.abs(np.array([each.x for each in estimates]) - record.x)
     else:
         return unknown
-    return _means(values[late_rows(estimates)])
+    return _means(values[rows_of_second_half(estimates)])
 
 
 def _end(plant: Plant, most: int) -> float | None:

@@ -52,6 +52,12 @@ def text(titles: list[str], rows: list[list[str]]) -> str:
 
 
 @pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder of a test is that of its commands."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A design; a record in the order of time, of arrival, and without arrivals; its estimates."""
     monkeypatch.chdir(tmp_path)
@@ -404,3 +410,82 @@ def test_a_late_row_that_belongs_inside_one_of_its_time(
     assert [LEFT_OUT in line for line in result[1:]] == [False, acts, acts, acts]
     in_time = lines(f"5,{row}", "6,,,,")
     assert [x.split(",")[:3] for x in result] == [x.split(",")[:3] for x in in_time]
+
+
+def of_one_dose(kind: str = "interval", **discrete: float) -> dict[str, Any]:
+    """A store that a dose fills, its level read now and then, both reported within 2."""
+    return {
+        "flow": {"A": [[0.9]] if discrete else [[-0.1]], **discrete},
+        "event": [{"name": "dose", "E": [[1]], "every": [1, 20], "report_delay": 2}],
+        "sensor": [
+            {"name": "level", "C": [[1]], "noise_bound": 0.1, "every": [0, 9], "report_delay": 2}
+        ],
+        "observer": {"kind": kind},
+    }
+
+
+def estimates(body: dict[str, Any], *rows: str, options: tuple[str, ...] = ()) -> list[str]:
+    """Lines of the estimates of a record whose rows may state when they were received."""
+    obsdesign.design(Problem.from_dict(body)).save("d.json")
+    Path("a.csv").write_text("\n".join(["t,level,dose,received", *rows, ""]))
+    done = ran("run", "d.json", "a.csv", "--initial=-1,1", "-o", "e.csv", *options)
+    assert done.exception is None, done.output
+    return Path("e.csv").read_text().splitlines()
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("options", [(), ("--provisional", "p.csv")])
+def test_a_row_that_is_too_late_lets_rows_become_final(options: tuple[str, ...]) -> None:
+    """At 20 nothing before 18 can come any more: what arrived then was left out, and ends waits."""
+    rows = ["0,.5,,", "1,.5,,", "2,.4,,", "3,.3,,"]
+    lines = estimates(of_one_dose(), *rows, ".5,.4,,20", options=options)
+    assert [line.split(",")[0] for line in lines[1:]] == ["0.0", "1.0", "2.0", "3.0"]
+    assert not any("provisional" in line for line in lines)
+    in_time = estimates(of_one_dose(), *rows, "4,,,20")
+    assert [x.split(",")[:3] for x in lines] == [x.split(",")[:3] for x in in_time[:5]]
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("lines", [(".2,.1,,1", ".2,,.5,"), (".2,,.5,", ".2,.1,,1")])
+def test_rows_of_one_step_fill_each_other_in_any_order_of_lines(lines: tuple[str, str]) -> None:
+    """The line that arrives later may stand before the other one in the file."""
+    body = of_one_dose(dt=0.1)
+    filled = estimates(body, "0,.1,,", *lines, "1,,,")
+    assert filled == estimates(body, "0,.1,,", ".2,.1,.5,1", "1,,,")
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("ulps", [1, 4])
+def test_a_row_less_than_the_rounding_of_stamps_before_a_final_one(ulps: int) -> None:
+    body = of_one_dose()
+    body["event"][0]["report_delay"] = body["sensor"][0]["report_delay"] = 0.0
+    late = 1.0 - ulps * 2.0**-53
+    rows = ["0,.1,,", "1,.1,,1", "2,.1,,2"]
+    skipped = estimates(body, *rows[:2], f"{late!r},.1,,1", rows[2])
+    assert [line.split(",")[0] for line in skipped[1:]] == ["0.0", "1.0", "2.0"]
+    assert [x.split(",")[:3] for x in skipped] == [x.split(",")[:3] for x in estimates(body, *rows)]
+
+
+@pytest.mark.usefixtures("here")
+def test_two_events_of_one_time_end_a_part() -> None:
+    body = of_one_dose("set_membership")
+    body["event"][0]["every"] = [0, 20]
+    rows = ["0,.1,,", "1,,.5,", "1,,.5,", "5,.4,,"]
+    whole = estimates(body, *rows)
+    first = estimates(body, *rows[:3], options=("--state", "s.json"))
+    Path("b.csv").write_text("\n".join(["t,level,dose,received", rows[3], ""]))
+    done = ran("run", "d.json", "b.csv", "--state", "s.json", "-o", "f.csv")
+    assert done.exception is None
+    parts = [*first[1:], *Path("f.csv").read_text().splitlines()[1:]]
+    final = [line for line in parts if "provisional" not in line]
+    assert final == [line for line in whole[1:] if "provisional" not in line]
+
+
+@pytest.mark.usefixtures("here")
+def test_rows_that_are_all_too_late_name_what_the_lag_comes_from() -> None:
+    body = of_one_dose()
+    body["event"][0]["time_error"] = 0.25
+    obsdesign.design(Problem.from_dict(body)).save("d.json")
+    Path("a.csv").write_text("t,level,dose,received\n0,.5,,30\n1,.5,,31\n")
+    done = ran("run", "d.json", "a.csv", "--initial=-1,1", "-o", "e.csv")
+    assert "at most report_delay and time_error 2.25 late are required" in str(done.exception)

@@ -154,7 +154,7 @@ WRONG: dict[str, Any] = {
     'state.guard.longest must be float; got "nan"': _guard(longest="nan"),
     "state.guard.last_jump must be at most": _guard(last_jump=1e6),
     "state.guard.last_jump must be float": _guard(last_jump="soon"),
-    "state.guard.last_dwell must be positive": _guard(last_dwell=-1.0),
+    "state.guard.last_dwell must be not negative": _guard(last_dwell=-1.0),
     'state.t must be float; got "nan"': _field("t", "nan"),
     "state.t must be finite; got": _field("t", "-inf"),
     'state.sampled must be float; got "nan"': _field("sampled", "nan"),

@@ -16,7 +16,8 @@ from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import Replay, Sample, from_design
 from obsdesign.runtime.base import Estimate, rows_of
-from obsdesign.runtime.late_rows import PROVISIONAL, LateRows
+from obsdesign.runtime.late_rows import LateRows
+from obsdesign.runtime.replay import PROVISIONAL
 from tests.systems.clocks import DOSES, renamed, two_clocks
 
 LAG = 2.0

@@ -10,7 +10,7 @@ import pytest
 
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
-from obsdesign.runtime.late_rows import provisional
+from obsdesign.runtime.replay import provisional
 from obsdesign.runtime.status import (
     MISSING_SAMPLE,
     NOT_FINITE,

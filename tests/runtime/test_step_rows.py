@@ -93,11 +93,24 @@ def test_events_of_a_row_keep_their_order() -> None:
     observer = from_design(obsdesign.design(Problem.from_dict(two_events())))
     state = observer.init(0.0, lower=[-1], upper=[1])
     state, _ = observer.step(state, Sample(0.0, [0.0]))
-    for events in ((1, 0), (0, 0)):
-        with pytest.raises(ValueError, match="in the order of the design in discrete time"):
-            observer.step(state, Sample(1.0, [0.0], events=events))
+    with pytest.raises(ValueError, match="in the order of the design in discrete time"):
+        observer.step(state, Sample(1.0, [0.0], events=(1, 0)))
     _, row = observer.step(state, Sample(1.0, [0.0], events=(0, 1)))
     assert row.upper - row.lower < 1e-9
+
+
+@pytest.mark.parametrize("clock", [{"dt": 1.0}, {}], ids=["discrete", "continuous"])
+def test_an_event_stands_in_a_row_once(clock: dict[str, float]) -> None:
+    """Twice it would act twice, and count once for its clock."""
+    body = two_events()
+    body["flow"] = {"A": [[0.5 if clock else -0.5]]} | clock
+    observer = from_design(obsdesign.investigate(Problem.from_dict(body)).design)
+    state = observer.init(0.0, lower=[-1], upper=[1])
+    state, _ = observer.step(state, Sample(0.0, [0.0]))
+    with pytest.raises(ValueError, match=r"events of a row must differ; got \(0, 0\)"):
+        observer.step(state, Sample(1.0, [0.0], events=(0, 0)))
+    _, row = observer.step(state, Sample(1.0, [0.0], events=(0, 1)))
+    assert np.isfinite(row.upper).all()
 
 
 KINDS = ["interval", "set_membership", "luenberger", "finite_time"]

@@ -59,7 +59,7 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
         "seconds": seconds,
         "without": sum(estimate.status != "ok" for estimate in estimates),
     }
-    good = late_rows(estimates)
+    good = rows_of_second_half(estimates)
     if estimates[0].lower is not None:
         low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
         numbers |= {"width": _size((high - low)[good])}
@@ -81,7 +81,7 @@ def estimates_on(design: Design, record: ComparisonRecord, start: Matrix) -> lis
     return list(estimates_of(observer, state, iter(samples)))
 
 
-def late_rows(estimates: Sequence[Estimate]) -> NDArray[np.bool_]:
+def rows_of_second_half(estimates: Sequence[Estimate]) -> NDArray[np.bool_]:
     """The rows of the last half whose guarantee holds."""
     good = np.array([estimate.status == "ok" for estimate in estimates])
     good[: int(_LATE * len(good))] = False

@@ -18,8 +18,8 @@ from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Announced, Estimate, Observer, Sample, rows_of
 from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.interval.several_clocks import ClockedIntervalObserver
-from obsdesign.runtime.late_rows import PROVISIONAL, Replay
 from obsdesign.runtime.load import observer_class
+from obsdesign.runtime.replay import PROVISIONAL, Replay
 from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
 from tests.systems.time_stamps import fifty_digits
 from tests.systems.uncertain_times import record
