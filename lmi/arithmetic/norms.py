@@ -131,7 +131,8 @@ def _root(square: Ball) -> Ball:
 
 def float_above(x: Ball) -> float:
     """A float that is not below any number in the ball; infinite where there is none."""
-    return float(np.nextafter(_as_float(x.upper()), np.inf))
+    top = x.upper()
+    return 0.0 if top == 0 else float(np.nextafter(_as_float(top), np.inf))
 
 
 def float_below(x: Ball) -> float:

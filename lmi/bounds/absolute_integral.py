@@ -1,56 +1,48 @@
 """Integrals of |e^(Fs) E|, by entries, bounded from above in balls.
 
-On a cell on which an entry keeps its sign the integral of its modulus is that of the entry itself,
-which is exact; on others it is at most that of the tangent in the middle and its largest deviation.
-Cells double in length as fast modes decay. What is left after the last one is bounded by Cauchy and
-Schwarz, with P of `lmi.bounds.peak_gain`: it is small, or the bound is as good as that one.
+On a cell of s on which an entry keeps its sign the integral of its modulus is that of the entry
+itself, which is exact; on others it is at most that of the chord and the deviation from it,
+
+    int_a^b |f| <= int_a^b |chord| + (b - a)^3 / 12 max |f''|,
+
+and the same bound of f'' shows where the sign is kept. It is that of `lmi.bounds.flow_comparison`
+for all later s, so that cells grow as fast modes decay; what is left after the last one is small.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
+    Ball,
     Balls,
     Exact,
     Rational,
     ball,
-    ball_matrix,
     entries,
     exact,
-    exp_around,
     exp_times,
+    inverse,
     nearest_float,
     precision,
     rational,
     scalar,
     to_float,
 )
-from lmi.arithmetic.norms import float_above
-from lmi.bounds.peak_gain import decaying_integrals
-from lmi.prove.hurwitz import rightmost
+from lmi.arithmetic.norms import float_above, middles
+from lmi.bounds.flow_comparison import FlowComparison
 
 _BITS = 160
-# the first cells span this much of 1 / ||F||; each stage has cells of twice that length
-_REACH, _CELLS, _STAGES = 2.0**-5, 64, 8
-# what may remain behind the last cell, relative to the integral before it
-_REMAINDER = 1e-4
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A stretch of s: largest (n, k) >= |e^(Fs) E| on it, integral (n, k) of |e^(Fs) E| over it."""
-
-    start: Rational
-    end: Rational
-    largest: Exact
-    integral: Exact
+# the first cell spans this much of 1 / ||F||, the others that times powers of two; so many cells
+# are multiplied from one to the next before e^(Fs) is computed anew, in so many groups
+_REACH, _CELLS, _GROUPS = 2.0**-5, 32, 50
+# what cells may add to integrals, and what may remain behind the last one, in parts of them
+_ALLOWED, _REMAINDER = 0.002, 1e-4
 
 
 def absolute_integrals(F: Exact, E: Exact) -> Matrix | None:
@@ -61,61 +53,107 @@ def absolute_integrals(F: Exact, E: Exact) -> Matrix | None:
     if not E.size:
         return np.zeros(E.shape)
     scaling = Scaling.from_pair(F, 0 * F, math.inf)
-    own = _integrals(scaling.map(F), scaling.rows(E))
-    return None if own is None else np.asarray(own * scaling.sizes[:, None])
-
-
-def _integrals(F: Exact, E: Exact) -> Matrix | None:
-    decay = -rightmost(to_float(F)).real
-    if not decay > 0:
-        return None
-    # half the decay rate: then the bound is exact for a mode that does not oscillate
-    rate = float(np.float32(0.5 * decay))
     with precision(_BITS):
-        remainder = decaying_integrals(F, exact(np.eye(len(F))), rate)
-        if remainder is None:
+        course = _Course.from_pair(scaling.map(F), scaling.rows(E))
+        if course is None:
             return None
-        start, total = ball(E), entries(ball(0 * E))
-        best = _above(remainder(start))
+        bounds = _integrals(course) * exact(scaling.sizes)[:, None]
+    result = np.array([[float_above(value) for value in row] for row in bounds])
+    return result if np.isfinite(result).all() else None
+
+
+def _integrals(course: _Course) -> Exact:
+    """Upper bounds of the integrals over all s, (n, k)."""
+    time, exponent = rational(0.0), 0
+    total = entries(0 * course.E)
+    least = _row_sums(entries(course.back * course.E))  # what constant inputs come to
+    for _ in range(_GROUPS):
+        X = course.at(time)
+        for _ in range(_CELLS):
+            curve = course.largest_curvature(X)
+            share = np.fmax(_row_sums(total), least) / (nearest_float(time) + course.shortest)
+            exponent = course.longest(exponent + 1, curve, X, share)
+            step = course.step(exponent)
+            later = step.onwards * X
+            total = total + course.cell_integral(X, later, curve, scalar(step.length))
+            time, X = time + step.length, later
+        left = course.comparison.integrals(X)
+        if (_row_sums(left) <= _REMAINDER * _row_sums(total)).all():
+            break
+    return np.asarray(total + left)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A length of cells h, and e^(Fh)."""
+
+    length: Rational
+    onwards: Balls
+
+
+@dataclass(frozen=True)
+class _Course:
+    """X(s) = e^(Fs) E, F (n, n) exact, E (n, k); shortest: length of the shortest cells."""
+
+    F: Exact
+    E: Balls
+    comparison: FlowComparison
+    shortest: float
+    twice: Balls  # F^2
+    back: Balls  # F^-1
+    steps: dict[int, _Step] = field(default_factory=dict)
+
+    @staticmethod
+    def from_pair(F: Exact, E: Exact) -> _Course | None:
+        """None where decay is not proved."""
+        comparison = FlowComparison.from_flow(F)
+        back = inverse(F)
+        if comparison is None or back is None:
+            return None
         size = float(np.abs(to_float(F)).sum(axis=1).max())
-        length, time = rational(_REACH / size), rational(0.0)
-        for _ in range(_STAGES):
-            for cell in cells(F, start, time, length, _CELLS):
-                total = total + cell.integral
-            time = time + _CELLS * length
-            start = exp_times(F, time) * ball(E)
-            left = remainder(start)
-            best = np.fmin(best, _above(total + left))
-            if (_above(left) <= _REMAINDER * best).all():
-                break
-            length = 2 * length
-    return best if np.isfinite(best).all() else None
+        return _Course(F, ball(E), comparison, _REACH / size, ball(F @ F), ball(back))
+
+    def at(self, time: Rational) -> Balls:
+        """X at a time."""
+        return exp_times(self.F, time) * self.E
+
+    def step(self, exponent: int) -> _Step:
+        """Cells of 2^exponent times the shortest length."""
+        if exponent not in self.steps:
+            length = rational(math.ldexp(self.shortest, exponent))
+            self.steps[exponent] = _Step(length, exp_times(self.F, length))
+        return self.steps[exponent]
+
+    def largest_curvature(self, X: Balls) -> Exact:
+        """Bounds of |X''| at this and all later times."""
+        return self.comparison.largest(self.twice * X)
+
+    def longest(self, most: int, curve: Exact, X: Balls, share: Matrix) -> int:
+        """The exponent, at most `most`, of a cell that adds little to the sums over columns.
+
+        share (n,): of these sums for each unit of time.
+        """
+        bend, allowed = _row_sums(curve) / 12, _ALLOWED * (_row_sums(entries(X)) + share)
+        for exponent in range(most, 0, -1):
+            if (math.ldexp(self.shortest, exponent) ** 2 * bend <= allowed).all():
+                return exponent
+        return 0
+
+    def cell_integral(self, X: Balls, later: Balls, curve: Exact, length: Ball) -> Exact:
+        """Bounds of the integral of |X| from X to `later`."""
+        first, last = entries(X), entries(later)
+        low, high = abs(first), abs(last)
+        signed = abs(entries(self.back * (later - X)))
+        deviation = curve * (length * length / 8)
+        keeps_sign = (first * last > 0) & (low > deviation) & (high > deviation)
+        # of the chord: a trapezium, or two triangles, whose sum is not certainly less
+        chord = (low + high) * (length / 2)
+        is_crossing = first * last < 0
+        crossing = (low * low + high * high) / (low + high)
+        chord = np.where(is_crossing, crossing * (length / 2), chord)
+        return np.where(keeps_sign, signed, chord + deviation * (length * 2 / 3))
 
 
-def cells(F: Exact, first: Balls, time: Rational, length: Rational, count: int) -> Iterator[Cell]:
-    """Cells of equal length from a time on, where e^(Fs) E is `first`; at the current precision."""
-    n = len(F)
-    unit, zero = exact(np.eye(n)), 0 * F
-    whole = entries(exp_times(np.block([[F, unit], [zero, zero]]), length))
-    onwards, over = ball_matrix(whole[:n, :n]), ball_matrix(whole[:n, n:])
-    half = length / 2
-    to_middle, flow = exp_times(F, half), ball(F)
-    around = exp_around(F, math.nextafter(nearest_float(half), math.inf))
-    span, state = scalar(half), first
-    for index in range(count):
-        middle = to_middle * state
-        slopes = abs(entries(around * (flow * middle)))
-        values, signed = abs(entries(middle)), abs(entries(over * state))
-        deviation = slopes * span
-        bent = values * scalar(length) + slopes * (span * span)
-        is_fixed = values > deviation
-        integral = np.where(is_fixed, signed, bent)
-        begin = time + index * length
-        yield Cell(begin, begin + length, values + deviation, integral)
-        state = onwards * state
-
-
-def _above(values: Exact) -> Matrix:
-    """Floats above the entries of balls."""
-    result = [float_above(value.abs_upper()) for value in values.ravel()]
-    return np.array(result).reshape(values.shape)
+def _row_sums(values: Exact) -> Matrix:
+    sums: Matrix = np.abs(middles(values)).sum(axis=1)
+    return sums

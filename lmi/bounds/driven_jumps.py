@@ -39,7 +39,7 @@ from lmi.arithmetic.balls import (
     to_float,
 )
 from lmi.arithmetic.norms import float_above
-from lmi.bounds.absolute_integral import cells
+from lmi.bounds.flow_cells import cells
 from lmi.bounds.peak_gain import decaying_integrals, lyapunov_matrices
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import rightmost

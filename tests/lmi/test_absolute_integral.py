@@ -49,6 +49,47 @@ def test_an_oscillation_is_bounded_better_than_by_its_energy() -> None:
     assert slow[:, 0] == pytest.approx([1e3, 1e-3], rel=2e-3)
 
 
+def graded(F: np.ndarray, E: np.ndarray) -> np.ndarray:
+    """The same by the midpoint rule with steps that double as fast modes decay."""
+    eigenvalues = np.linalg.eigvals(F)
+    step, longest = 1e-2 / np.abs(F).sum(axis=1).max(), 2e-2 / np.abs(eigenvalues).min()
+    time, total = 0.0, np.zeros(E.shape)
+    while time < -16 / eigenvalues.real.max():
+        state = expm(F * (time + step / 2)) @ E
+        flow = expm(F * step)
+        for _ in range(500):
+            total += step * np.abs(state)
+            state = flow @ state
+        time, step = time + 500 * step, min(2 * step, longest)
+    return total
+
+
+@pytest.mark.parametrize(
+    ("F", "E"),
+    [
+        ([[-42.5, 0.3], [-24.2, -0.6]], [[0.1, 0, 0.42], [0, 0.05, 0.25]]),
+        ([[-1e4, 3e3], [40.0, -20.0]], [[1, 0], [1, 1]]),
+        ([[-3e3, 1, 0], [1, -5, 1], [0, 1, -0.3]], np.eye(3)),
+        ([[-1, 1, 0], [0, -1, 1], [0, 0, -1]], np.eye(3)[:, 2:]),
+    ],
+    ids=["output fed back strongly", "coupled", "three decades", "defective"],
+)
+def test_modes_far_apart_cost_nothing(F: list[list[float]], E: object) -> None:
+    """Each cell of time is as long as what has not decayed admits."""
+    columns = np.array(E, np.float64)
+    bound = absolute_integrals(exact(F), exact(columns))
+    assert bound is not None
+    ratio = bound.sum(axis=1) / graded(np.array(F), columns).sum(axis=1)
+    assert (ratio > 1 - 1e-4).all()
+    assert (ratio < 1.01).all()
+
+
+@pytest.mark.parametrize(("slow", "is_bounded"), [(-1e-6, True), (0.0, False), (1e-6, False)])
+def test_decay_of_the_slowest_mode_is_required(slow: float, is_bounded: bool) -> None:
+    F, column = exact([[-1e3, 1e3], [0.0, slow]]), exact(np.ones((2, 1)))
+    assert (absolute_integrals(F, column) is not None) == is_bounded
+
+
 def test_nothing_is_bounded_that_does_not_decay() -> None:
     column = exact(np.ones((2, 1)))
     assert absolute_integrals(exact(np.diag([-1.0, 0.0])), column) is None
