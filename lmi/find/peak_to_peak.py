@@ -1,8 +1,8 @@
 """Gains of an observer against bounded disturbances, by a matrix inequality.
 
-    e' = (A - L C) e + E d - L V v,   |d_k| <= 1, |v_j| <= 1
+    e' = (A - L C) e + (E - L D) d,   |d_k| <= 1
 
-    minimise sum mu   subject to   [ A'P + PA - YC - C'Y' + aP    [PE, -YV]    ]  <= 0,   P >= I
+    minimise sum mu   subject to   [ A'P + PA - YC - C'Y' + aP    PE - YD      ]  <= 0,   P >= I
                                    [ *                            -a diag(mu)  ]
 
 with Y = P L: then e'Pe comes to at most sum mu, and |e| to its root. The rate a is given. Source:
@@ -32,19 +32,19 @@ class PeakGain:
 
 @dataclass(frozen=True)
 class DisturbedOutput:
-    """A (n, n), C (p, n), E (n, k), V (p,) of the inequality."""
+    """A (n, n), C (p, n), E (n, k), D (p, k) of the inequality."""
 
     A: Matrix
     C: Matrix
     E: Matrix
-    V: Matrix
+    D: Matrix
 
 
 def peak_gain(system: DisturbedOutput, rate: float) -> PeakGain | None:
     """The gain of the least bound for a rate a > 0; None where the solver gives none."""
     n, p = len(system.A), len(system.C)
     count = n * (n + 1) // 2
-    width = system.E.shape[1] + p
+    width = system.E.shape[1]
     unknowns = count + n * p + width + 1
 
     def parts(x: Matrix) -> tuple[Matrix, Matrix, Matrix, float]:
@@ -56,7 +56,7 @@ def peak_gain(system: DisturbedOutput, rate: float) -> PeakGain | None:
     def decay(x: Matrix) -> Matrix:
         P, Y, mu, _ = parts(x)
         flow = P @ system.A - Y @ system.C
-        beside = np.hstack([P @ system.E, -Y * system.V])
+        beside = P @ system.E - Y @ system.D
         return -np.block([
             [flow + flow.T + rate * P, beside], [beside.T, -rate * np.diag(mu)]
         ])  # fmt: skip

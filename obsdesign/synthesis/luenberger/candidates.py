@@ -79,7 +79,7 @@ def synthesize_constrained(
         searches = [] if box is None else gain_searches(problem, own, box, constraints)
         if searches:
             candidates = searched_candidates(own, searches, candidates, budget)
-        count = len(searches) if is_L_limited(own) else None
+        count = len(searches) if is_L_limited(problem, own) else None
         yield from uncertain_candidates(problem, candidates, box, budget, count)
         return
     refuse_unusable(problem)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import to_float
-from obsdesign.analysis.luenberger.driven_error import driven_error
+from lmi.arithmetic.balls import Exact, to_float
+from obsdesign.analysis.luenberger.driven_error import Drive
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     jump_disturbance_matrix,
@@ -17,7 +17,6 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.equations.parameters import largest_in_box
 from obsdesign.problem.plant import Plant
 from obsdesign.synthesis.estimated_bounds import driven_bounds, settled_bounds
 from obsdesign.synthesis.state_box import KnownBox
@@ -32,19 +31,20 @@ class GainPair(NamedTuple):
 
 @dataclass(frozen=True)
 class DrivenPlant:
-    """The nominal plant, columns E (n, k), K (n, l) of what acts on e whatever the gains are.
+    """The nominal plant, with columns of what acts on e whatever the gains are.
 
-    V, V_jump (p,): noise of samples between jumps and at them, effects of parameters on y counted
-    with their largest size; ends: of dwell times; units (n,): in which bounds of e are added. K,
-    V_jump and ends are None without jumps.
+    E (n, k) of what acts on e', D (p, k) of the same on y; K (n, l), D_jump (p, l): likewise at
+    jumps; V (p,): noise; ends: of dwell times; units (n,): in which bounds of e are added. K,
+    D_jump and ends are None without jumps.
     """
 
     plant: Plant
     E: Matrix
+    D: Matrix
     V: Matrix
     units: Matrix
     K: Matrix | None = None
-    V_jump: Matrix | None = None
+    D_jump: Matrix | None = None
     ends: tuple[float, float] | None = None
 
     @staticmethod
@@ -52,21 +52,17 @@ class DrivenPlant:
         uncertain: Plant, nominal: Plant, box: KnownBox, ends: tuple[float, float]
     ) -> DrivenPlant:
         """In units of the box; ends: the shortest and the longest dwell time, of jumps."""
-        n, p, bounds = nominal.n, nominal.p, box.bounds
-        zero = np.zeros((n, p))
+        zero = np.zeros((nominal.n, nominal.p))
         gains = LuenbergerGains.from_plant(nominal, L=zero, M=zero)
-        error = driven_error(uncertain, gains, bounds)
+        drive = Drive.from_plant(uncertain, gains, box.bounds)
         radius = nominal.output.noise_radius
-        noise = np.zeros(p) if radius is None else radius
-        V = noise + _output_effects(uncertain, bounds.lower, bounds.upper)
-        driven = DrivenPlant(nominal, to_float(error.E), V, box.units)
-        if error.K is None:
+        V = np.zeros(nominal.p) if radius is None else radius
+        E, D = _acting(drive.flow, drive.output)
+        driven = DrivenPlant(nominal, E, D, V, box.units)
+        if drive.jump is None or drive.sampled is None:
             return driven
-        sampled = (bounds.lower, bounds.upper)
-        if nominal.output.jump_measurement == "before":
-            sampled = (bounds.lower_before_jump, bounds.upper_before_jump)
-        at_jumps = noise + _output_effects(uncertain, *sampled)
-        return replace(driven, K=to_float(error.K), V_jump=at_jumps, ends=ends)
+        K, D_jump = _acting(drive.jump, drive.sampled)
+        return replace(driven, K=K, D_jump=D_jump, ends=ends)
 
     @property
     def outputs(self) -> Matrix:
@@ -76,9 +72,7 @@ class DrivenPlant:
 
     def with_noise(self, part: float) -> DrivenPlant:
         """The same with noise of at least this part of the sizes of y."""
-        least = part * self.outputs
-        jump = None if self.V_jump is None else np.maximum(self.V_jump, least)
-        return replace(self, V=np.maximum(self.V, least), V_jump=jump)
+        return replace(self, V=np.maximum(self.V, part * self.outputs))
 
     def matrices(self, gains: GainPair) -> tuple[Matrix, Matrix | None]:
         """F = A - L C, and the error's matrix at jumps."""
@@ -94,12 +88,12 @@ class DrivenPlant:
         With jumps the smaller bounds of the error itself and of the comparison of its moduli.
         """
         F, H = self.matrices(gains)
-        if H is None or self.K is None or self.V_jump is None or self.ends is None:
+        if H is None or self.K is None or self.D_jump is None or self.ends is None:
             return self.flow_cost(gains.L)
-        E = np.hstack([self.E, gains.L * self.V])
+        E = self._driving(gains.L)
         C, when = self.plant.output.C, self.plant.output.jump_measurement
         through = jump_disturbance_matrix(gains.M, C, self.plant.n, when)
-        K = np.hstack([through @ self.K, gains.M * self.V_jump])
+        K = np.hstack([through @ self.K - gains.M @ self.D_jump, gains.M * self.V])
         bounds = np.minimum(
             driven_bounds((F, E), (H, K), self.ends),
             driven_bounds((absolute_metzler(F), np.abs(E)), (np.abs(H), np.abs(K)), self.ends),
@@ -109,16 +103,15 @@ class DrivenPlant:
     def flow_cost(self, L: Matrix) -> float:
         """The same without jumps."""
         F = flow_error_matrix(self.plant.flow.A, L, self.plant.output.C)
-        E = np.hstack([self.E, L * self.V])
-        return float((settled_bounds(F, E) / self.units).sum())
+        return float((settled_bounds(F, self._driving(L)) / self.units).sum())
+
+    def _driving(self, L: Matrix) -> Matrix:
+        """Columns of what acts on e between jumps."""
+        return np.hstack([self.E - L @ self.D, L * self.V])
 
 
-def _output_effects(uncertain: Plant, lower: Matrix, upper: Matrix) -> Matrix:
-    """Largest effect of parameters on y in a box of x, (p,)."""
-    total = np.zeros(uncertain.p)
-    for parameter in uncertain.parameters:
-        low, high = parameter.range
-        X = parameter.effects.get("C")
-        if X is not None:
-            total += (high - low) / 2 * largest_in_box(X, lower, upper)
-    return total
+def _acting(columns: Exact, on_output: Exact) -> tuple[Matrix, Matrix]:
+    """The columns of which either part is not zero, in floats."""
+    both = np.vstack([to_float(columns), to_float(on_output)])
+    top, bottom = np.split(both[:, both.any(axis=0)], [len(columns)])
+    return top, bottom

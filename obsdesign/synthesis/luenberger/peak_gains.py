@@ -66,7 +66,8 @@ class GainSearch:
 
     def improved(self, starts: list[GainPair]) -> GainPair | None:
         """The gains of the least cost that searches from the best of these meet."""
-        rated = {self._admitted_cost(gains): gains for gains in starts if self.free}
+        coarse = map(self._coarse, starts if self.free else ())
+        rated = {self._admitted_cost(gains): gains for gains in coarse}
         best = sorted(cost for cost in rated if math.isfinite(cost))[:_STARTS]
         if not best:
             return None
@@ -146,6 +147,12 @@ class GainSearch:
             **{name: self.wanted[name].rounded(getattr(gains, name)) for name in self.free}
         )
 
+    def _coarse(self, gains: GainPair) -> GainPair:
+        """Open gains in 24 bits: a search that starts there ends alike whatever the rounding."""
+        parts = {name: getattr(gains, name) for name in self.free}
+        coarse = {name: X.astype(np.float32).astype(np.float64) for name, X in parts.items()}
+        return self._rounded(gains._replace(**coarse))
+
     def _pattern(self, name: str) -> Matrix:
         pattern, shape = self.wanted[name].stated.pattern, self.driven.plant.output.C.T.shape
         return np.ones(math.prod(shape)) if pattern is None else np.array(pattern).ravel()
@@ -165,10 +172,10 @@ def _least_peak(driven: DrivenPlant) -> Matrix | None:
     A, C, units = driven.plant.flow.A, driven.plant.output.C, driven.units
     pace = spectral_radius(np.abs(A)) or 1.0
     outputs = driven.outputs  # what the unit of y is does not matter
-    system = DisturbedOutput(
-        A * units / units[:, None] / pace, C * units / outputs[:, None],
-        driven.E / units[:, None] / pace, driven.V / outputs,
-    )  # fmt: skip
+    own = np.hstack([driven.E, np.zeros((len(A), len(C)))]) / units[:, None] / pace
+    on_output = np.hstack([driven.D, np.diag(driven.V)]) / outputs[:, None]
+    system = DisturbedOutput(A * units / units[:, None] / pace, C * units / outputs[:, None],
+                             own, on_output)  # fmt: skip
 
     def at(rate: float) -> tuple[float, float, Matrix] | None:
         gain = peak_gain(system, rate)

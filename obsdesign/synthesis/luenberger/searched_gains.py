@@ -7,11 +7,15 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from lmi.solvers import merged
 from lmi.time_budget import TimeBudget
 from obsdesign.analysis.nominal import stability_dwell
 from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.equations.parameters import NormalForm
 from obsdesign.problem.options import LuenbergerOptions
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
@@ -36,7 +40,7 @@ def gain_searches(
     For the noise that is stated, and for more where it is small. What `constraints` of a user say
     of gains is known with their P alone.
     """
-    if constraints is not None or not is_L_limited(nominal):
+    if constraints is not None or not is_L_limited(problem, nominal):
         return []
     options = nominal.options_as(LuenbergerOptions)
     free = ["L"] if _is_L_open(nominal) else []
@@ -51,12 +55,19 @@ def gain_searches(
     return [GainSearch(driven.with_noise(part), wanted, tuple(free)) for part in parts]
 
 
-def is_L_limited(problem: Problem) -> bool:
+def is_L_limited(problem: Problem, nominal: Problem) -> bool:
     """Is there a limit to L: a choice, noise that is stated, a largest norm or a disc?
 
-    Without any the fastest gain would always have the least bound.
+    Or parameters on all outputs, which gains amplify as they do noise. Without any the fastest
+    gain would always have the least bound.
     """
-    return problem.plant.output.noise_radius is not None or _is_L_held(problem)
+    is_noise_stated = nominal.plant.output.noise_radius is not None
+    return is_noise_stated or _is_L_held(nominal) or _are_outputs_uncertain(problem.plant)
+
+
+def _are_outputs_uncertain(plant: Plant) -> bool:
+    effects = NormalForm.from_plant(plant).on("C")
+    return bool(np.any([X.any(axis=1) for X in effects], axis=0).all()) if effects else False
 
 
 def _is_L_held(problem: Problem) -> bool:

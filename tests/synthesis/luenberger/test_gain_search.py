@@ -68,6 +68,37 @@ def test_without_noise_or_limit_what_is_missing_is_said() -> None:
     assert "remarks" not in outcome(spring((2.0, -1.0))).result
 
 
+def sensed(noise: float | None = 0.01, disturbance: float = 1.0, **observer: Any) -> Body:
+    """A parameter acts on the flow and on the sensor: what it adds to both partly cancels."""
+    b = disturbance * np.array([0.1, 0.05])
+    output: Body = {"C": [[-1, 0]]} | ({} if noise is None else {"noise_bound": [noise]})
+    return {
+        "flow": {"A": [[-0.7, 0.3], [0.9, -0.6]],
+                 "disturbance": {"lower": (-b).tolist(), "upper": b.tolist()}},
+        "parameter": [{"name": "p", "range": [-0.1, 0.1], "A": [[0, -0.5], [0, -0.3]],
+                       "C": [[0.2, 0.3]]}],
+        "output": output, "state": {"lower": [-1.2, -3], "upper": [1.2, 3]},
+        "observer": {"kind": "luenberger", **observer},
+    }  # fmt: skip
+
+
+def sensed_twice(noise: float | None = 0.01, disturbance: float = 1.0, **observer: Any) -> Body:
+    body = sensed(noise, disturbance, **observer)
+    body["parameter"].append({"name": "q", "range": [-0.2, 0.2], "A": [[0, -0.2], [-0.4, 0]]})
+    return body
+
+
+@pytest.mark.parametrize(("entry", "is_limited"), [(0.2, True), (None, False)])
+def test_parameters_on_the_output_limit_gains_as_noise_does(
+    entry: float | None, is_limited: bool
+) -> None:
+    body = sensed(noise=None)
+    if entry is None:
+        del body["parameter"][0]["C"]
+    remarks = outcome(body).result.get("remarks", [])
+    assert any("nothing limits it" in text for text in remarks) == (not is_limited)
+
+
 def sampled_at_jumps(**observer: Any) -> Body:
     """The spring, its position measured at kicks alone, which come often."""
     body = kicked(observer={"kind": "luenberger", **observer})
@@ -198,8 +229,14 @@ def turned(noise: float = 0.01, **observer: Any) -> Body:
 
 @pytest.mark.parametrize(
     ("plant", "norms"),
-    [(kicked_often, {"M": 0.5}), (turned, {"M": 0.5}), (constrained, {"L": 40.0})],
-    ids=["kicked", "turned", "without jumps"],
+    [
+        (kicked_often, {"M": 0.5}),
+        (turned, {"M": 0.5}),
+        (constrained, {"L": 40.0}),
+        (sensed, {"L": 2.0}),
+        (sensed_twice, {"L": 20.0}),
+    ],
+    ids=["kicked", "turned", "without jumps", "sensed", "sensed twice"],
 )
 def test_no_constraint_gives_a_smaller_bound(plant: Any, norms: dict[str, float]) -> None:
     """What a constraint admits is open without it too."""
@@ -219,7 +256,8 @@ def quiet(noise: float = 0.01, **observer: Any) -> Body:
 
 
 @pytest.mark.parametrize(
-    ("plant", "levels"), [(kicked_with_one_gain, (0.0, 0.01)), (quiet, (0.0, 1e-8, 1e-3, 0.01))]
+    ("plant", "levels"),
+    [(kicked_with_one_gain, (0.0, 0.01)), (quiet, (0.0, 1e-8, 1e-3, 0.01)), (sensed, (0.0, 0.01))],
 )
 def test_less_noise_gives_no_larger_bound(plant: Any, levels: tuple[float, ...]) -> None:
     """Without any noise too, where the fastest gain that is proved would be the best."""
@@ -227,6 +265,13 @@ def test_less_noise_gives_no_larger_bound(plant: Any, levels: tuple[float, ...])
     assert all(less <= 1.01 * more for less, more in itertools.pairwise(costs))
     assert costs[0] < 0.99 * costs[-1]
     assert "remarks" not in outcome(plant(0.0)).result
+
+
+@pytest.mark.parametrize("plant", [sensed, sensed_twice])
+def test_less_disturbance_gives_no_larger_bound(plant: Any) -> None:
+    costs = [cost(outcome(plant(disturbance=part))) for part in (0.0, 0.5, 1.0)]
+    assert all(less <= 1.01 * more for less, more in itertools.pairwise(costs))
+    assert costs[0] < 0.95 * costs[-1]
 
 
 def test_a_gain_that_leaves_a_singular_map_at_jumps_has_a_bound() -> None:
