@@ -55,6 +55,11 @@ class TimeBudget:
             budget = budget.stretched(_STRETCH * budget.factor)
             yield budget
 
+    def part(self, share: float) -> TimeBudget:
+        """A budget that ends after this share of what is left: the other is for what follows."""
+        left = max(self.remaining(), 0.0)
+        return self if math.isinf(left) else replace(self, end=self.end - (1 - share) * left)
+
     def remaining(self) -> float:
         """Seconds of processor time that are left; negative when the total has ended."""
         return self.end - time.process_time()

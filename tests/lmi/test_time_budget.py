@@ -155,3 +155,12 @@ def test_a_slow_machine_comes_to_the_same_bracket(monkeypatch: pytest.MonkeyPatc
         brackets.append(dwell_bracket(*SAMPLED, "shortest", 1.0, accuracy=1e-2))
     assert brackets[0].ended == {"ended_by": "windows", "limit": 100}
     assert brackets[0] == brackets[1]
+
+
+def test_a_part_of_a_budget_ends_earlier() -> None:
+    whole = TimeBudget.from_seconds(100.0)
+    assert whole.part(0.25).remaining() == pytest.approx(25.0, abs=1.0)
+    assert whole.part(0.25).seconds == 100.0
+    ended = TimeBudget.from_seconds(1e-9)
+    assert ended.part(0.5).end == ended.end
+    assert UNLIMITED.part(0.5) == UNLIMITED

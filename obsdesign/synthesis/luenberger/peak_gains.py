@@ -16,6 +16,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.peak_to_peak import DisturbedOutput, peak_gain
+from lmi.time_budget import TimeBudget
 from obsdesign.synthesis.convex_gain import ConvexGain
 from obsdesign.synthesis.luenberger.driven_plant import DrivenPlant, GainPair
 
@@ -58,30 +59,32 @@ class GainSearch:
         F, _ = self.driven.matrices(gains)
         return gains.L if self.wanted["L"].is_met(gains.L, F) else None
 
-    def improved_flow_gain(self, L: Matrix) -> Matrix:
+    def improved_flow_gain(self, L: Matrix, budget: TimeBudget) -> Matrix:
         """L searched for the least bounds without jumps."""
         alone = replace(self, driven=replace(self.driven, K=None), free=("L",))
-        gains = alone.improved([GainPair(L, 0 * L)])
+        gains = alone.improved([GainPair(L, 0 * L)], budget)
         return L if gains is None else gains.L
 
-    def improved(self, starts: list[GainPair]) -> GainPair | None:
-        """The gains of the least cost that searches from the best of these meet."""
+    def improved(self, starts: list[GainPair], budget: TimeBudget) -> GainPair | None:
+        """The gains of the least cost that searches from the best of these meet in time."""
         coarse = map(self._coarse, starts if self.free else ())
         rated = {self._admitted_cost(gains): gains for gains in coarse}
         best = sorted(cost for cost in rated if math.isfinite(cost))[:_STARTS]
         if not best:
             return None
-        ends = [self._descended(rated[cost]) for cost in best]
+        ends = [self._descended(rated[cost], budget) for cost in best]
         gains, before = min(ends, key=self._admitted_cost), best[0]
         for _ in range(_AGAIN):
             cost = self._admitted_cost(gains)
-            if cost > _WORTHWHILE * before:
+            if cost > _WORTHWHILE * before or budget.remaining() < 0:
                 break
-            gains, before = self._descended(gains), cost
+            gains, before = self._descended(gains, budget), cost
         return self._moderate(gains)
 
-    def _descended(self, start: GainPair) -> GainPair:
-        """The gains that a simplex search from these ends with."""
+    def _descended(self, start: GainPair, budget: TimeBudget) -> GainPair:
+        """The gains that a simplex search from these ends with; these where no time is left."""
+        if budget.remaining() < 0:
+            return start
         scales = [self._scale(name, start) for name in self.free]
         x = np.concatenate([getattr(start, name).ravel() for name in self.free])
         scale = np.concatenate([values.ravel() for values in scales])
@@ -104,9 +107,14 @@ class GainSearch:
         }  # fmt: skip
         from scipy.optimize import minimize  # slow to import, and few plants have parameters
 
+        def end_in_time(_: Matrix) -> None:
+            if budget.remaining() < 0:
+                raise StopIteration
+
         result = minimize(
-            lambda z: self._admitted_cost(gains_of(z)), first, method="Nelder-Mead", options=options
-        )
+            lambda z: self._admitted_cost(gains_of(z)), first, method="Nelder-Mead",
+            options=options, callback=end_in_time,
+        )  # fmt: skip
         return gains_of(result.x)
 
     def _moderate(self, gains: GainPair) -> GainPair:

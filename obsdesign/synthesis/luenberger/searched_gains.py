@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmi.solvers import merged
-from lmi.time_budget import TimeBudget
+from lmi.time_budget import TimeBudget, remark_end
 from obsdesign.analysis.nominal import stability_dwell
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.parameters import NormalForm
@@ -25,8 +25,8 @@ from obsdesign.synthesis.luenberger.gain_candidates import with_gains, with_jump
 from obsdesign.synthesis.luenberger.peak_gains import GainSearch
 from obsdesign.synthesis.state_box import KnownBox
 
-# candidates that a search of gains may start from
-_STARTS = 3
+# candidates that a search of gains may start from, and the part of the time left that it takes
+_STARTS, _SHARE = 3, 0.3
 # least noise that searches count with, in parts of the range of y: without any the fastest gain
 # would be the best; and more, since a bound of a fast gain need not be proved
 _LEAST_NOISE, _MORE_NOISE = 2.0**-20, (2.0**-15, 2.0**-10)
@@ -113,12 +113,15 @@ def _searched(
     pairs = [GainPair(own.L, own.M) for own in starts]
     if "M" in search.free:
         pairs += [GainPair(own.L, 0 * own.M) for own in starts]
-    gains = search.improved(pairs)
+    in_time = budget.part(_SHARE)
+    gains = search.improved(pairs, in_time)
     if gains is not None:
         label = f"{' and '.join(search.free)} searched for the least bound"
         candidate = with_gains(problem, label, gains, budget)
         solvers = functools.reduce(merged, (each.solvers for each in first), candidate.solvers)
-        yield replace(candidate, searched=True, solvers=solvers)
+        remarks = remark_end("gains for the least bound", in_time.ended())
+        yield replace(candidate, searched=True, solvers=solvers,
+                      remarks=(*remarks, *candidate.remarks))  # fmt: skip
     yield from peak
 
 
@@ -131,7 +134,7 @@ def _peak_candidates(
         return
     label = "peak-to-peak L"
     if problem.plant.jump is not None:
-        label, L = f"{label}, then searched", search.improved_flow_gain(L)
+        label, L = f"{label}, then searched", search.improved_flow_gain(L, budget.part(_SHARE))
     peak = with_jump_gain(problem, label, L, search.wanted["M"], budget)
     choices = [peak]
     if "M" in search.free:
