@@ -63,6 +63,12 @@ class Outcome:
         return text + "".join(f"<p>{escape(phrase)}</p>" for phrase in self.headline)
 
 
+_UNUSED_BOX = Remark(
+    "no claim uses [state]: it bounds effects of parameters, and there are none; `simulate` "
+    "starts in its middle"
+)
+
+
 def investigate(
     problem: Problem, *, seconds: float | None = None, constraints: Constraints | None = None
 ) -> Outcome:
@@ -159,6 +165,8 @@ def _attempted(
     except OversizeError as error:
         return InputError(str(error))
     remarks = [remark for one in tried for remark in one.candidate.remarks]
+    if problem.plant.state is not None and not problem.plant.parameters:
+        remarks.append(_UNUSED_BOX)
     best = best_candidate(tried)
     claims = best.claims
     if untried is not None:

@@ -510,3 +510,13 @@ def test_an_error_that_nothing_drives_has_the_bound_zero(
     claim = bound(investigated(body))
     assert claim.verdict == "proved"
     assert (max(claim.evidence["always"]) == 0) == is_zero
+
+
+@pytest.mark.parametrize("kind", ["luenberger", "interval"])
+def test_a_box_without_parameters_is_not_used_and_this_is_said(kind: str) -> None:
+    body = spring(observer={"kind": kind})
+    body["flow"]["A"] = [[-1, 0.2], [0, -0.4]]
+    with_parameter = investigated(body)
+    del body["parameter"]
+    texts = [result.result.get("remarks", []) for result in (with_parameter, investigated(body))]
+    assert [any("uses [state]" in text for text in listed) for listed in texts] == [False, True]
