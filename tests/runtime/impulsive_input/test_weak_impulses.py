@@ -166,3 +166,31 @@ def test_an_impulse_far_above_the_threshold_is_evaluated_once_it_is_old_enough(
     for event, moment in zip(events, moments, strict=True):
         assert abs(event.t - moment) < 4 * event.t_std
         assert abs(event.weights[0] - weight) < 4 * event.weights_std[0]
+
+
+MOTOR = ([[-0.76, -0.123], [1.0, 0.0]], [[1.0], [0.0]], [[0.0, 1.0]])
+
+
+@pytest.mark.parametrize("weight", [0.04, 0.4])
+def test_an_impulse_that_may_be_younger_than_the_margin_is_dated_where_it_is_older(
+    weight: float,
+) -> None:
+    """Noise makes the maximum of |R| too early; a posterior cut off there is far too narrow."""
+    (A, H, C), dwell, noise, period = MOTOR, 14.2, 0.018, 0.096
+    design = obsdesign.design(obsdesign.Problem.from_dict({
+        "flow": {"A": A}, "jump": {"H": H, "dwell_time": [dwell, "inf"]},
+        "output": {"C": C, "measured": "periodic", "period": period, "noise_std": [noise]},
+        "observer": {"kind": "impulsive_input", "operator": "integral"},
+    }))  # fmt: skip
+    assert design.gains["rule"] == "peak"
+    rng = np.random.default_rng(0)
+    moments = dwell * (1.3 + np.cumsum(rng.uniform(1.2, 1.7, 50)))
+    train = [(float(at), weight * (-1) ** k) for k, at in enumerate(moments)]
+    t = period * np.arange(int((moments[-1] + 2 * dwell) / period))
+    y = record(np.array(A), H, train, t, np.zeros(2)) @ np.transpose(C)
+    y = y + noise * rng.standard_normal(y.shape)
+    events = events_of(rows_from(from_design(design), t, y))
+    assert [event.status for event in events] == ["ok"] * len(train)
+    scores = [(event.t - at) / event.t_std for event, at in zip(events, moments, strict=True)]
+    assert np.abs(scores).max() < 4
+    assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.2

@@ -66,6 +66,14 @@ class CellFits:
         return max(refined, *(float(gains.max(initial=0.0)) for gains in shown))
 
     @property
+    def older_gain(self) -> float:
+        """Most that an onset of the ages that are searched explains of R, of those compared."""
+        ages = self._ages
+        cells = self._cells((ages >= self.run.gains.margin) & (ages <= self.oldest))
+        shown = self._explained(self.features, cells)
+        return max(float(gains.max(initial=0.0)) for gains in shown)
+
+    @property
     def _ages(self) -> Matrix:
         """Of onsets at the rows, at the end of the window; that of a row behind it is negative."""
         return np.asarray(self.t[0] + self.run.tau - self.t)

@@ -205,21 +205,41 @@ class IntegralEngine:
 
     def _evaluated(self, live: IntegralLive) -> tuple[IntegralLive, list[Estimate]]:
         """The state after the window that fired, with its impulse or without one."""
+        live, window, P = self._old_enough(live)
         search, values = live.scan.search, live.scan.values
-        window = self._window(live.track, search.top)
-        decision = self._decision(live, window)
+        decision = self._decision(live, window, P)
         if decision is not None:
             return with_impulse(self.rows, live, decision, window)
         value = float(values[min(search.position, len(values)) - 1])
         search = search.given_up(value, float(window.t[0]) + _SMOOTHING * self.run.tau)
         return replace(live, scan=replace(live.scan, search=search)), []
 
-    def _decision(self, live: IntegralLive, window: Window) -> Decision | None:
-        """The impulse of a window, None where nothing counts."""
-        search, P = live.scan.search, live.covariance
+    def _old_enough(self, live: IntegralLive) -> tuple[IntegralLive, Window, Matrix]:
+        """The state with the row of the window to evaluate, the window, P at its first row.
+
+        At a maximum of |R| that noise made too early an impulse may be younger than the margin:
+        then it is evaluated a margin later, or where the search stands.
+        """
+        search, gains, times = live.scan.search, self.run.gains, live.track.t
+        window, P = self._window_and_covariance(live, search.top)
+        later = int(np.searchsorted(times, times[search.top] + gains.margin))
+        later = min(later, search.position - 1)
+        is_peak = gains.rule == "peak" and later > search.top and window.spread.any()
+        if not (is_peak and self.evaluator.may_be_younger(window, P)):
+            return live, window, P
+        live = replace(live, scan=replace(live.scan, search=replace(search, top=later)))
+        return live, *self._window_and_covariance(live, later)
+
+    def _window_and_covariance(self, live: IntegralLive, row: int) -> tuple[Window, Matrix]:
+        """The window that begins at a row, and the covariance of the error there."""
+        window, P = self._window(live.track, row), live.covariance
         P = np.zeros((self.run.gains.n, self.run.gains.n)) if P is None else P
         elapsed = max(float(window.t[0]) - live.since, 0.0)
-        P = propagated(self.run, P, elapsed, window.t, window.spread)
+        return window, propagated(self.run, P, elapsed, window.t, window.spread)
+
+    def _decision(self, live: IntegralLive, window: Window, P: Matrix) -> Decision | None:
+        """The impulse of a window, None where nothing counts; P: covariance at its first row."""
+        search = live.scan.search
         if self.evaluator.gls:
             return self.evaluator.weighted(window, P, search.at_start)
         R = self.run.features(live.track, search.top, search.top + 1)[0]

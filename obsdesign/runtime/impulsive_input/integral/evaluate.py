@@ -32,6 +32,7 @@ from obsdesign.runtime.impulsive_input.significance import LEAST_SHARE_OF_GAIN, 
 from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
     Weighted,
+    Whitening,
     chi_squared_limit,
     raw_taps,
     whitening,
@@ -42,6 +43,9 @@ _MAX_MISFIT_SHARE = 1e-3
 # twice the log-likelihood by which an onset younger than the margin must be ahead: ages whose
 # features are alike differ by less
 _LEAST_LEAD = 2.0
+# twice the log-likelihood by which an onset younger than the margin may be behind the best and
+# count: a posterior that ends there is cut off (three deviations)
+_MOST_LAG = 9.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,19 +222,29 @@ class Evaluator:
         row behind the window alone, where the rule comes to it once more, older: `peak` does not.
         """
         white = whitening(window.taps, window.spread)
-        R = white.features(window.error)
-        noise = WindowNoise.from_features(
-            Weighted(R, np.eye(len(R))),
-            Responses.from_run(self.run, window.t, white.taps),
-            square_root(P),
-            window.spread,
-        )
+        noise = self._noise(window, white, P)
         smooth = noise.features.T @ white.T
         impulse = self._fitted(window, noise.responses, noise.features, smooth=smooth)
         if impulse is not None and self.gains.rule != "peak":
             younger = self._cells(window, noise.responses, noise.features).younger_gain
             impulse = None if younger > impulse.gain + _LEAST_LEAD else impulse
         return noise, impulse
+
+    def may_be_younger(self, window: Window, P: Matrix) -> bool:
+        """Whether an onset younger than the margin explains a window in noise about as well."""
+        noise = self._noise(window, whitening(window.taps, window.spread), P)
+        cells = self._cells(window, noise.responses, noise.features)
+        return cells.younger_gain > cells.older_gain - _MOST_LAG
+
+    def _noise(self, window: Window, white: Whitening, P: Matrix) -> WindowNoise:
+        """White features of a window; P (n, n): covariance of the error at t_o."""
+        R = white.features(window.error)
+        return WindowNoise.from_features(
+            Weighted(R, np.eye(len(R))),
+            Responses.from_run(self.run, window.t, white.taps),
+            square_root(P),
+            window.spread,
+        )
 
     def _decided(
         self, window: Window, noise: WindowNoise, fit: Event, correction: Matrix | None = None
