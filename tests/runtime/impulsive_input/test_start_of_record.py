@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime.impulsive_input.event import CONFUSED
+from obsdesign.runtime.impulsive_input.integral.first_state import first_state
+from tests.runtime.impulsive_input.test_window_noise import COLOURED, TIMES, run_of, track_of
 from tests.systems.impulsive_input import events_of, observer_of, record, rows_from
 
 CHAIN = (np.array([[-0.5, 0.0], [0.7, -0.86]]), np.array([[0.0, 1.0]]))
@@ -143,3 +146,50 @@ def test_a_state_that_no_impulse_reaches_is_not_taken_as_known(
     sure = [event for event in events if abs(event.weights[0]) > 5 * event.weights_std[0]]
     assert [(round(event.t), event.status) for event in sure] == [(12, "ok"), (19, "ok")]
     assert np.abs(rows[-1].x - x[-1]).max() < 0.05
+
+
+ROTOR = {"A": [[-1.05, 0.0], [1.0, 0.0]], "C": [[0.0, 1.0]], "period": 0.035, "dwell": 3.2}
+
+
+@pytest.mark.parametrize("weighting", ["gls", "plain"])
+@pytest.mark.parametrize(("speed", "weight"), [(0.0, 0.08), (1.0, 0.08), (-1.0, 0.08), (1.0, 0.0)])
+def test_a_weak_impulse_after_the_first_window_is_there_whatever_the_state_at_first(
+    weighting: str, speed: float, weight: float
+) -> None:
+    """The first rows tell a state that is not known; the twin has no impulse, and none is made."""
+    A, dwell, noise = np.array(ROTOR["A"]), ROTOR["dwell"], 0.02
+    body = {
+        "flow": {"A": ROTOR["A"]}, "jump": {"H": [[1], [0]], "dwell_time": [dwell, math.inf]},
+        "output": {"C": ROTOR["C"], "measured": "periodic", "period": ROTOR["period"],
+                   "noise_std": [noise]},
+        "observer": {"kind": "impulsive_input", "operator": "integral", "weighting": weighting},
+    }  # fmt: skip
+    train = [(1.5 * dwell, weight), (3.2 * dwell, weight)] if weight else []
+    t, rng = np.arange(0, 6 * dwell, ROTOR["period"]), np.random.default_rng(0)
+    observer = observer_of(body)
+    for _ in range(3):
+        y = record(A, [[1.0], [0.0]], train, t, [speed, 0.0])[:, 1:]
+        rows = rows_from(observer, t, y + noise * rng.standard_normal(y.shape))
+        events = events_of(rows)
+        assert len(events) == len(train)
+        for event, (moment, _) in zip(events, train, strict=True):
+            assert abs(event.t - moment) < 4 * event.t_std
+            assert abs(event.weights[0] - weight) < 4 * event.weights_std[0]
+        assert {row.status for row in rows if 0.8 * dwell < row.t < 3 * dwell} == {"ok"}
+
+
+def test_the_state_at_first_is_fitted_to_samples_with_its_covariance() -> None:
+    """Errors over many records, the estimate at the last row with its own sample taken in."""
+    run, rng, row, noise = run_of(COLOURED), np.random.default_rng(0), 6, 0.1
+    C, root, spread = run.gains.C, np.diag([2.0, 0.5, 1.0]), np.full((row, 2), noise)
+    flows = expm(run.gains.A * TIMES[:, None, None])
+    newer, errors, covariance = run.maps(TIMES[row] - TIMES[row - 1]).newer, [], np.eye(3)
+    for _ in range(400):
+        states = flows @ (root @ rng.standard_normal(3))
+        y = states @ C.T + noise * rng.standard_normal((len(TIMES), 2))
+        track = track_of(run, TIMES, np.zeros(3), y)
+        fitted, covariance = first_state(run, track, row, spread, root)
+        own = newer @ (y[row] - states[row] @ C.T)  # the next window counts it
+        errors.append(fitted[-1] - states[row] - own)
+    white = np.linalg.solve(np.linalg.cholesky(covariance), np.transpose(errors))
+    assert np.cov(white) == pytest.approx(np.eye(3), abs=0.25)

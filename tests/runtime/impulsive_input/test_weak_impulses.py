@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.equations.impulsive_input.expectations import expectations
+from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.impulsive_input.event import FAINT, Event
 from obsdesign.runtime.impulsive_input.history import History
@@ -194,3 +196,32 @@ def test_an_impulse_that_may_be_younger_than_the_margin_is_dated_where_it_is_old
     scores = [(event.t - at) / event.t_std for event, at in zip(events, moments, strict=True)]
     assert np.abs(scores).max() < 4
     assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.2
+
+
+ROD = [[-1.01, 0.81, 0.0], [0.81, -1.7, 0.88], [0.0, 0.88, -1.18]]
+
+
+@pytest.mark.parametrize(("deviations", "least", "most"), [(3.0, 0.0, 0.8), (6.0, 1.0, 1.0)])
+def test_what_a_short_window_shows_is_in_deviations_that_the_design_foresees(
+    deviations: float, least: float, most: float
+) -> None:
+    """A stated K and a window of a third of the dwell time, which holds a part of what rows do."""
+    A, dwell, noise, period = np.array(ROD), 16.7, 0.001, 0.117
+    design = obsdesign.design(obsdesign.Problem.from_dict({
+        "flow": {"A": ROD}, "jump": {"H": [[1], [0], [0]], "dwell_time": [dwell, "inf"]},
+        "output": {"C": [[0, 0, 1]], "measured": "periodic", "period": period,
+                   "noise_std": [noise]},
+        "observer": {"kind": "impulsive_input", "operator": "integral", "window": 5.7,
+                     "gains": {"K": [[0.3], [0.6], [0.5]]}},
+    }))  # fmt: skip
+    gains = IntegralGains.from_document(design.gains)
+    foreseen = expectations(gains.A - gains.K @ gains.C, gains).deviations["weight_std"]
+    rng = np.random.default_rng(0)
+    moments = dwell * (1.3 + np.cumsum(rng.uniform(1.2, 1.7, 25)))
+    train = [(float(at), deviations * foreseen * (-1) ** k) for k, at in enumerate(moments)]
+    t = period * np.arange(int((moments[-1] + 2 * dwell) / period))
+    y = record(A, [[1.0], [0], [0]], train, t, np.zeros(3))[:, 2:]
+    events = events_of(rows_from(from_design(design), t, y + noise * rng.standard_normal(y.shape)))
+    near = [min(abs(event.t - at) for event in events) < 0.3 * dwell for at in moments]
+    assert least <= np.mean(near) <= most
+    assert all(np.abs(moments - event.t).min() < 0.3 * dwell for event in events)

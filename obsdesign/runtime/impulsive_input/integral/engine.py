@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.impulsive_input.deviations import square_root
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
@@ -20,6 +21,11 @@ from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.addition import compared, with_impulse
 from obsdesign.runtime.impulsive_input.integral.covariance import first_covariance, propagated
 from obsdesign.runtime.impulsive_input.integral.evaluate import Decision, Evaluator, Window
+from obsdesign.runtime.impulsive_input.integral.first_state import (
+    confused_until,
+    first_state,
+    has_none,
+)
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
 from obsdesign.runtime.impulsive_input.integral.noise_level import Scores, Whitener
@@ -73,6 +79,8 @@ class IntegralEngine:
             live = self.rows.begun(live, float(t[start]), y[start], u[start])
             start += 1
         live = self.rows.appended(live, t[start:], y[start:], u[start:], measured[start:])
+        live, rows = self._with_first_state(live)
+        decided += rows
         live, fired = self._searched(live)
         while fired:
             live, rows = self._evaluated(live)
@@ -117,20 +125,39 @@ class IntegralEngine:
 
     def _with_values(self, live: IntegralLive) -> IntegralLive:
         """A value for every window that is complete; the rule, when the first one is."""
-        track, tau = live.track, self.run.tau
-        last = float(track.t[-1])
-        latest = last - tau + time_tolerance(tau, last)
-        ready = int(np.searchsorted(track.t, latest, side="right"))
-        done = len(live.scan.values)
+        ready, done = self._ready(live.track), len(live.scan.values)
         if ready <= done:
             return live
         if live.scan.rule is None:
             live = self._prepared(live)
-        R, scan = self.run.features(track, done, ready), live.scan
+        R, scan = self.run.features(live.track, done, ready), live.scan
         if self.run.gains.noisy:
             return replace(live, scan=self._in_noise(live, R))
         values = np.linalg.norm(R, axis=1) if scan.position is None else scan.position.values(R)
         return replace(live, scan=scan.extended(Scores(values, *np.zeros((2, len(R))))))
+
+    def _ready(self, track: Track) -> int:
+        """How many rows begin a window that is complete."""
+        tau, last = self.run.tau, float(track.t[-1])
+        latest = last - tau + time_tolerance(tau, last)
+        return int(np.searchsorted(track.t, latest, side="right"))
+
+    def _with_first_state(self, live: IntegralLive) -> tuple[IntegralLive, list[Estimate]]:
+        """The state fitted to the first rows, in noise, where the first window has no impulse."""
+        is_first = live.scan.rule is None and live.history.t == -math.inf
+        if not (is_first and self.run.gains.noisy and self._ready(live.track)):
+            return live, []
+        live, track = self._prepared(live), live.track
+        window, P = self._window_and_covariance(live, 0)
+        row = len(window.t) // 2
+        if not (window.spread.all() and row and has_none(self.evaluator, window, P)):
+            return live, []
+        fitted = first_state(self.run, track, row, window.spread[:row], square_root(P))
+        x = np.concatenate([fitted.x, track.x[row + 1 :]])
+        live = replace(live, track=replace(track, x=x))
+        decided = self.rows.decided_rows(live, row)
+        live = replace(live, covariance=fitted.covariance, since=float(track.t[row]))
+        return live.with_track(self.run.restarted(track, row, x[row]), live.scan), decided
 
     def _in_noise(self, live: IntegralLive, R: Matrix) -> Scan:
         """The scan with values for the windows of features R, in the noise of each."""
@@ -174,7 +201,7 @@ class IntegralEngine:
         x, P = live.track.x[0], live.covariance
         P = first_covariance(self.run, window.y, x) if P is None else P
         if window.spread.all():
-            live = replace(live, confused_until=self.evaluator.confused_until(window, P))
+            live = replace(live, confused_until=confused_until(self.evaluator, window, P))
         return replace(live, covariance=P)
 
     def _window(self, track: Track, row: int) -> Window:

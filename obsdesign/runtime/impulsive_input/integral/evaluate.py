@@ -28,11 +28,10 @@ from obsdesign.runtime.impulsive_input.integral.cells import CellFits
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.onsets import OnsetGrid, expected
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses, WindowNoise
-from obsdesign.runtime.impulsive_input.significance import LEAST_SHARE_OF_GAIN, is_significant
+from obsdesign.runtime.impulsive_input.significance import is_significant
 from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
     Weighted,
-    Whitening,
     chi_squared_limit,
     raw_taps,
     whitening,
@@ -194,36 +193,14 @@ class Evaluator:
         decision = self._decided(window, noise, event, correction)
         return replace(decision, cost=impulse.cost, freedom=freedom)
 
-    def confused_until(self, window: Window, P: Matrix) -> float:
-        """Time until which an impulse passes for an error of the state at first.
-
-        P (n, n): covariance of that error. Minus infinity where there are no such times, and where
-        the residual of the window is noise: then it has neither.
-        """
-        white = whitening(window.taps, window.spread)
-        responses = Responses.from_run(self.run, window.t, white.taps)
-        R = Weighted(white.features(window.error), np.eye(len(white.T)))
-        unknown, known = (
-            WindowNoise.from_features(R, responses, root, window.spread).features
-            for root in (square_root(P), np.zeros_like(P))
-        )
-        if float(known.R @ known.R) <= chi_squared_limit(len(known.R)):
-            return -math.inf
-        shown = responses.onsets[1:] @ self.gains.H
-        gains = [((features.T @ shown) ** 2).sum(axis=1) for features in (unknown, known)]
-        is_confused = (gains[0] < LEAST_SHARE_OF_GAIN * gains[1]).any(axis=1)
-        rows = int(np.argmin(np.append(is_confused, False)))
-        return float(window.t[rows]) if rows else -math.inf
-
     def _fitted_in_noise(self, window: Window, P: Matrix) -> tuple[WindowNoise, Impulse | None]:
         """White features of a window, and the impulse that explains them best.
 
         None where an onset explains them better that is younger than the margin, or shown by the
         row behind the window alone, where the rule comes to it once more, older: `peak` does not.
         """
-        white = whitening(window.taps, window.spread)
-        noise = self._noise(window, white, P)
-        smooth = noise.features.T @ white.T
+        noise = self.noise(window, P)
+        smooth = noise.features.T @ whitening(window.taps, window.spread).T
         impulse = self._fitted(window, noise.responses, noise.features, smooth=smooth)
         if impulse is not None and self.gains.rule != "peak":
             younger = self._cells(window, noise.responses, noise.features).younger_gain
@@ -232,12 +209,13 @@ class Evaluator:
 
     def may_be_younger(self, window: Window, P: Matrix) -> bool:
         """Whether an onset younger than the margin explains a window in noise about as well."""
-        noise = self._noise(window, whitening(window.taps, window.spread), P)
+        noise = self.noise(window, P)
         cells = self._cells(window, noise.responses, noise.features)
         return cells.younger_gain > cells.older_gain - _MOST_LAG
 
-    def _noise(self, window: Window, white: Whitening, P: Matrix) -> WindowNoise:
-        """White features of a window; P (n, n): covariance of the error at t_o."""
+    def noise(self, window: Window, P: Matrix) -> WindowNoise:
+        """White features of a window in noise; P (n, n): covariance of the error at t_o."""
+        white = whitening(window.taps, window.spread)
         R = white.features(window.error)
         return WindowNoise.from_features(
             Weighted(R, np.eye(len(R))),
