@@ -1,12 +1,13 @@
-"""Typical width of bounds, or error of estimates: on the default simulation."""
+"""Numbers of each state beside what is guaranteed: typical ones, and the least possible."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.memory import OversizeError
 from obsdesign.data.simulation.parameter_courses import nominal_plant
 from obsdesign.data.simulation.rows import default_until
@@ -17,6 +18,7 @@ from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.record import ComparisonRecord, end_of_record
 from obsdesign.studies.comparison.row import estimates_on, rows_of_second_half
+from obsdesign.studies.least_width import least_widths
 from obsdesign.verification.state_widths import StateWidths, state_labels
 from obsdesign.workflow import Outcome
 
@@ -69,14 +71,32 @@ def _end(plant: Plant, most: int) -> float | None:
 
 
 def with_typical(outcome: Outcome) -> Outcome:
-    """The outcome with a typical number of each state in its result, unless it is refuted."""
+    """The outcome with typical and least possible numbers of each state, unless it is refuted."""
     if outcome.design is None or outcome.verdict == "refuted":
         return outcome
-    labels = state_labels(Problem.from_dict(outcome.design.problem))
+    problem = Problem.from_dict(outcome.design.problem)
+    labels = state_labels(problem)
     rows = outcome.result.get("states") or [asdict(StateWidths(*label)) for label in labels]
     pairs = zip(rows, typical_values(outcome.design), strict=True)
     stated = [{**row, "typical": value} for row, value in pairs]
-    return replace(outcome, result={**outcome.result, "states": stated})
+    return replace(outcome, result={**outcome.result, "states": _with_least(stated, problem.plant)})
+
+
+def _with_least(rows: Sequence[Entries], plant: Plant) -> list[NewEntries]:
+    """Rows of states with the least possible width where none is stated; half of it as error.
+
+    ratio: of what is guaranteed and that.
+    """
+    stated: list[NewEntries] = []
+    for row, width in zip(rows, least_widths(plant), strict=True):
+        guaranteed, best = row["width"], width
+        if row["error"] is not None and width is not None:
+            guaranteed, best = row["error"], width / 2
+        new = dict(row)
+        if row["best"] is None and guaranteed is not None and best is not None:
+            new |= {"best": best, "ratio": guaranteed / best}
+        stated.append(new)
+    return stated
 
 
 def _means(values: Matrix) -> list[float | None]:

@@ -49,7 +49,7 @@ class SwitchedIntervalObserver(SwitchedObserver[IntervalState, IntervalGains]):
         """The observer of one mode, or of an event in it."""
         return IntervalObserver(gains)
 
-    def _still(self, inner: IntervalState) -> IntervalState:
+    def _at_same_time(self, inner: IntervalState) -> IntervalState:
         """The state of an observer, from which a row of the same time may follow."""
         return inner._replace(started=False)
 
@@ -83,7 +83,7 @@ class SwitchedIntervalObserver(SwitchedObserver[IntervalState, IntervalGains]):
         if gains.G is None:
             return Entry(inner, estimate)
         guard = DwellGuard.from_gains(gains)
-        held = self._still(inner)._replace(guard=guard)
+        held = self._at_same_time(inner)._replace(guard=guard)
         inner, jumped = self.observers[after].step(held, Sample(estimate.t, jump=True))
         # nothing is measured between the row's sample and the new mode: none is missing
         known = {JUMP, MISSING_SAMPLE, *(text for _, text in estimate.events)}

@@ -46,7 +46,7 @@ class SwitchedPointObserver(SwitchedObserver[LuenbergerState, LuenbergerGains]):
         """The observer of one mode, or of an event in it."""
         return LuenbergerObserver(gains)
 
-    def _still(self, inner: LuenbergerState) -> LuenbergerState:
+    def _at_same_time(self, inner: LuenbergerState) -> LuenbergerState:
         """The state of an observer, from which a row of the same time may follow."""
         return inner._replace(started=False, is_usual=False)
 
