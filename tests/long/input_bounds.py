@@ -57,7 +57,7 @@ def violations(seed: int, stated: float = 1.0) -> int:
         slope = np.where((d + h * slope > upper) | (d + h * slope < lower), -slope, slope)
         slope = np.where((d + h * slope > upper) | (d + h * slope < lower), 0.0, slope)
         b = 0.05 * rng.choice([-1.0, 1.0], n)
-        x, d = _advanced(A, D, (x, d), (slope, b), h)
+        x, d = _moved(A, D, (x, d), (slope, b), h)
         slope = np.where(slope == 0, rate, slope)
         jump = bool(rng.random() < 0.2)
         y = x + V * rng.choice([-1.0, 1.0], n)
@@ -77,7 +77,7 @@ def violations(seed: int, stated: float = 1.0) -> int:
     return outside
 
 
-def _advanced(
+def _moved(
     A: Matrix, D: Matrix, start: tuple[Matrix, Matrix], held: tuple[Matrix, Matrix], h: float
 ) -> tuple[Matrix, Matrix]:
     """x and d after a step h with a slope of d and b that are held."""
