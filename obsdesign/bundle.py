@@ -15,6 +15,7 @@ _PURPOSE = {
     "check_widths.py": "proves from design.json alone how narrow the bounds become",
     "check_gains.py": "compares the gains with the problem in the same file",
     "check_uncertain.py": "proves that the plant is stable for all its parameters",
+    "check_events.py": "proves for events and sensors on clocks of their own that widths decay",
 }
 _README = """\
 {name}: observer of kind {kind}

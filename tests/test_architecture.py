@@ -231,6 +231,7 @@ ANY = {
     "lmi.find.constrained": "expressions of CVXPY",
     "obsdesign": "names that are imported when they are first used",
     "obsdesign.checker.check_design": "JSON of a design, read by what needs nothing else",
+    "obsdesign.checker.check_events": "the same",
     "obsdesign.checker.check_gains": "the same",
     "obsdesign.checker.check_uncertain": "the same",
     "obsdesign.checker.check_widths": "the same",

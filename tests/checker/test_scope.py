@@ -8,7 +8,14 @@ from typing import Any
 
 import pytest
 
-from obsdesign.checker import check_design, check_gains, check_uncertain, check_widths
+from obsdesign.checker import (
+    check_design,
+    check_events,
+    check_gains,
+    check_uncertain,
+    check_widths,
+)
+from tests.checker.test_check_events import document as clocked
 from tests.systems.checked import (
     CHECK_GAINS,
     FOLDER,
@@ -21,7 +28,7 @@ from tests.systems.checked import (
 from tests.systems.designs import designed
 
 RADIUS = [[0.1, 0.0], [0.0, 0.0]]
-PROGRAMS = (check_design, check_widths, check_gains, check_uncertain)
+PROGRAMS = (check_design, check_widths, check_gains, check_uncertain, check_events)
 
 
 def not_checked(document: Any) -> set[str]:
@@ -111,6 +118,8 @@ def test_evidence_that_no_proof_reads_is_finite_too(program: Any, value: str) ->
     """JSON has no such numbers, although Python reads them."""
     for entry, code in ((json.loads(value), 2), (1.0, 0)):
         document = uncertain(RADIUS) if program is check_uncertain else body("cooperative")
+        if program is check_events:
+            document = clocked("no events")
         assert exit_code(signed_with(document, entry), program) == code
 
 

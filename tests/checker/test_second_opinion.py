@@ -63,6 +63,15 @@ def test_plants_that_it_does_not_read_have_none() -> None:
     assert "checker" not in {claim.id for claim in outcome.claims}
 
 
+def test_clocks_of_their_own_have_one(tmp_path: Path) -> None:
+    problem = obsdesign.load_problem(ROOT / "examples" / "motor_encoders.toml")
+    design = obsdesign.design(problem)
+    claim = {x.id: x for x in obsdesign.verify(design, paranoid=True).claims}["checker"]
+    assert claim.verdict == "proved"
+    assert [answer.program.name for answer in write_bundle(design, tmp_path)] == ["check_events.py"]
+    assert "check_events.py     proves" in (tmp_path / "README.txt").read_text("utf-8")
+
+
 def test_a_bundle_is_checked_by_its_own_command(tmp_path: Path) -> None:
     folder, design = tmp_path / "a" / "b", designed(PROBLEMS["cooperative"])
     codes = [answer.code for answer in write_bundle(design, folder)]

@@ -119,11 +119,17 @@ def system_of(body: dict[str, Any]) -> ClockSystem:
 
 def is_stable(body: dict[str, Any], cells: int) -> bool:
     """Is a tube without inputs proposed on the graph of these clocks, and proved?"""
-    system = system_of(body)
+    return stable_tube(system_of(body), cells) is not None
+
+
+def stable_tube(system: ClockSystem, cells: int) -> list[list[float]] | None:
+    """A tube without inputs that is proved; None for none."""
     nodes = stability_graph(system, cells)
     assert nodes is not None
-    tubes = proposed_tubes(nodes.graph, np.ones(len(system.f)))
-    return any(prove_graph(nodes.graph, tube.tolist()).outcome == "proved" for tube in tubes)
+    for tube in proposed_tubes(nodes.graph, np.ones(len(system.f))):
+        if prove_graph(nodes.graph, tube.tolist()).outcome == "proved":
+            return tube.tolist()
+    return None
 
 
 def _box(radius: list[float]) -> dict[str, list[float]]:
