@@ -165,7 +165,7 @@ def test_factors_are_certified_and_near_the_least() -> None:
         X, Y = check.ball([[value]]), check.ball([[Fraction(1)]])
         c = check.bounding_factor(X, Y)
         assert c is not None
-        assert value < c < value * Fraction(6, 5)
+        assert value < c < value * Fraction(101, 100)
     assert (
         check.bounding_factor(check.ball([[Fraction(2**80)]]), check.ball([[Fraction(1)]])) is None
     )
@@ -224,3 +224,47 @@ def test_the_series_is_cut_where_it_may_be() -> None:
         image = check.exponential(check.ball([[value]]))
         assert image.radius < 1 << 20
         assert holds(image, exact_exponential([[value]], 90))
+
+
+def slow_mode(rate: float) -> tuple[Any, Any]:
+    """A flow whose slowest mode decays at this rate, and a Z with F'Z + ZF = -I."""
+    F = np.array([[-rate, 1.0], [0.0, -1.0]])
+    kron = np.kron(np.eye(2), F.T) + np.kron(F.T, np.eye(2))
+    Z = np.linalg.solve(kron, -np.eye(2).ravel()).reshape(2, 2)
+    return F, (Z + Z.T) / 2
+
+
+def boxes_of(F: Any, Z: Any, gain: Fraction) -> tuple[Any, int]:
+    """The inequality of P = I and the jump by a gain, proved for all times, and its boxes."""
+    flow = check.Flow(check.ball([[Fraction(a) for a in row] for row in F]))
+    unit, tail = check.ball(check.identity(2)), [[Fraction(a) for a in row] for row in Z]
+    inequality = check.Decrease(flow, unit, [unit], [check.ball(tail)])
+    inequality.prove(unit.scaled(gain), (Fraction(0), math.inf))
+    return inequality, flow.boxes
+
+
+def test_modes_that_hardly_decay_need_few_boxes() -> None:
+    """A tail that is steep for the others holds soon after them, whatever the slowest rate."""
+    for rate in (1e-2, 1e-4, 1e-6, 1e-8):
+        F, Z = slow_mode(rate)
+        inequality, boxes = boxes_of(F, Z, Fraction(7, 10))
+        assert boxes <= 40
+        (steep,) = inequality.steep(inequality.proposed[0])
+        X = np.array([[a / 2.0**check.BITS for a in row] for row in steep.x])
+        assert np.linalg.eigvalsh(X - np.eye(2)).min() > 0
+        assert check.is_negative(check.lyapunov(inequality.flow.F, steep))
+
+
+def test_a_mode_that_grows_has_no_steep_tail() -> None:
+    """The twins: a flow that does not decay, and a jump that is too large."""
+    F, Z = slow_mode(1e-4)
+    with pytest.raises(check.NotProved):
+        boxes_of(-F, Z, Fraction(1, 10))
+    with pytest.raises(check.NotProved):
+        boxes_of(F, Z, Fraction(71, 100))
+    growing = check.Flow(
+        check.ball([[Fraction(1, 10**6), Fraction(1)], [Fraction(0), Fraction(-1)]])
+    )
+    unit = check.ball(check.identity(2))
+    inequality = check.Decrease(growing, unit, [unit], [])
+    assert inequality.steep(check.ball([[Fraction(a) for a in row] for row in Z])) == []
