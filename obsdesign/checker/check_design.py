@@ -214,7 +214,7 @@ def is_less(X: Ball, Y: Ball) -> bool:
     return is_positive(Y.plus(X.scaled(Fraction(-1))))
 
 
-def between(E: Ball, X: Ball) -> Ball:
+def congruence(E: Ball, X: Ball) -> Ball:
     """E' X E."""
     return E.transpose().times(X.times(E))
 
@@ -358,12 +358,12 @@ class Decrease:
         Where the slowest mode of F hardly decays, F'ZF is small for it, and large for the others,
         which e^(Ft) soon makes small: such an X holds much earlier than Z does.
         """
-        sums = (self.P.plus(between(self.flow.F, Z).scaled(Fraction(256**k))) for k in range(13))
+        sums = (self.P.plus(congruence(self.flow.F, Z).scaled(Fraction(256**k))) for k in range(13))
         return [X for X in [next(filter(None, map(self.falling, sums)), None)] if X]
 
     def holds_from(self, E: Ball) -> bool:
         """Certify E' X E < S for a falling X > P: it stays true at all later times."""
-        return any(self.holds(between(E, X)) for X in self.tails)
+        return any(self.holds(congruence(E, X)) for X in self.tails)
 
     def holds(self, form: Ball) -> bool:
         """Certify form < S for every source."""
@@ -377,7 +377,7 @@ class Decrease:
             self.tails += [X for Z in self.proposed for X in self.steep(Z)]
             self.remainder = self.best_remainder(E)
         R, mu, c = self.remainder
-        forms, image = [between(E, X) for X in self.derivatives[: DEGREE + 1]], between(E, R)
+        forms, image = [congruence(E, X) for X in self.derivatives[: DEGREE + 1]], congruence(E, R)
         h = length
         while mu * h > 8:
             h /= 2
@@ -401,7 +401,7 @@ class Decrease:
                 growth = lyapunov(self.flow.F, R)
                 mu = Fraction(0) if is_negative(growth) else bounding_factor(growth, R)
                 c = bounding_factor(self.derivatives[DEGREE + 1], R)
-                size = bounding_factor(between(E, R), self.sources[0])
+                size = bounding_factor(congruence(E, R), self.sources[0])
                 if mu is not None and c is not None and size is not None:
                     cost = max(float(c * size) ** (1 / (DEGREE + 1)), float(mu) / 8)
                     choices.append((cost, len(choices), (R, mu, c)))
@@ -752,9 +752,9 @@ def prove_windows(F: Matrix, H: Matrix, edges: List[Edge], P: Balls, tails: Ball
         sources.setdefault((after, low, high), []).append(now)
     D = units(F, H)
     flow, right = Flow(ball(solution(D, product(F, D)))), solution(D, right)
-    V, tails = product(V, D), [between(ball(D), X) for X in tails]
+    V, tails = product(V, D), [congruence(ball(D), X) for X in tails]
     for (after, low, high), earlier in sources.items():
-        inequality = Decrease(flow, between(ball(V), P[after]), [P[s] for s in earlier], tails)
+        inequality = Decrease(flow, congruence(ball(V), P[after]), [P[s] for s in earlier], tails)
         inequality.prove(ball(right), (low, high))
 
 
@@ -789,12 +789,12 @@ def prove_schedule(design: Design, F: Matrix, evidence: Table) -> None:
         prove_hurwitz(F, tails)
     D = units(F, design.array("G", "nn"))
     flow, right = Flow(ball(solution(D, product(F, D)))), ball(solution(D, identity(design.n)))
-    tails = [between(ball(D), X) for X in tails]
+    tails = [congruence(ball(D), X) for X in tails]
     for j, M in enumerate(gains):
         gaps = [max(a - highs[j], lows[j] - b) for a, b in zip(lows, highs)]
         sources = [X for gap, X in zip(gaps, P) if gap <= design.jitter]
         H = error_maps(design, M)[1] or []  # jumps exist: never []
-        target = between(ball(product(H, D)), P[j])
+        target = congruence(ball(product(H, D)), P[j])
         Decrease(flow, target, sources, tails).prove(right, (lows[j], highs[j]))
 
 
@@ -828,8 +828,8 @@ def prove_design(design: Design) -> List[str]:
     sentences, quantity, proved = [], "error", []  # type: Tuple[List[str], str, List[str]]
     F, H = error_maps(design, design.array("M", "np"))
     if design.kind == "interval":
-        F, H = width_maps(design)
-        sentences, quantity = ["proved: signs of the bounds, to rounding"], "width of the bounds"
+        quantity, (F, H) = "width of the bounds", width_maps(design)
+        sentences.append("proved: signs of the bounds, splits to 2^-46 of the largest entry")
         proved += ["flow_positive", "jump_positive"] if H else ["flow_positive"]
     y = "y" if design.measured == "at_jumps" else "y measured continuously and"
     (low, high), jitter = map(float, design.ends), float(design.jitter)

@@ -133,7 +133,7 @@ def ball(X: Matrix) -> Ball:
     return Ball([[(a.numerator << BITS) // a.denominator for a in row] for row in X], 1)
 
 
-def tops(X: Ball) -> Matrix:
+def upper_ends(X: Ball) -> Matrix:
     """The upper ends of the entries of a ball."""
     return [[Fraction(a + X.radius, 1 << BITS) for a in row] for row in X.x]
 
@@ -199,7 +199,7 @@ class PositiveFlow:
             size = Ball([[abs(a) for a in row] for row in curve.x], curve.radius)
             P = Ball([[max(a, 0) for a in row] for row in self.Z.x], self.Z.radius)
             K = exponential(P.scaled(h)).times(size).scaled(h * h / 8)
-            self.boxes[t, h] = tops(E.plus(K)), tops(end.plus(K))
+            self.boxes[t, h] = upper_ends(E.plus(K)), upper_ends(end.plus(K))
         return self.boxes[t, h]
 
     def is_below(self, start: Vector, i: int, limit: Fraction, ends: Range) -> bool:
@@ -218,7 +218,7 @@ class PositiveFlow:
             if all(dot(X[i], y) < limit for X in self.box(t, h)):
                 continue
             is_short = h * 2**MOST_HALVINGS <= high - low
-            if is_short or any(dot(tops(self.map(s))[i], y) >= limit for s in (t, t + h)):
+            if is_short or any(dot(upper_ends(self.map(s))[i], y) >= limit for s in (t, t + h)):
                 return False
             left += [(t, h / 2), (t + h / 2, h / 2)]
         return True
@@ -230,10 +230,10 @@ class PositiveFlow:
         [low, low + T] holds for ever. And with f = 0, u falls to zero, as every path then does.
         """
         E = self.map(low)
-        start = [dot(row, y) for row in tops(Ball(E.x, -E.radius))[:-1]]  # its lower ends
+        start = [dot(row, y) for row in upper_ends(Ball(E.x, -E.radius))[:-1]]  # its lower ends
         for k in range(MOST_HALVINGS):
             T = (1 << k) / self.speed
-            later = [dot(row, y) for row in tops(bounded(self.map(low + T)))[:-1]]
+            later = [dot(row, y) for row in upper_ends(bounded(self.map(low + T)))[:-1]]
             if all(b < a for a, b in zip(start, later)):
                 return T
         raise NotProved("the width does not decay by itself, and events may stay away")

@@ -202,7 +202,7 @@ def ball(X: Matrix) -> Ball:
     return Ball([[(a.numerator << BITS) // a.denominator for a in row] for row in X], 1)
 
 
-def tops(X: Ball) -> Matrix:
+def upper_ends(X: Ball) -> Matrix:
     """The upper ends of the entries of a ball."""
     return [[Fraction(a + X.radius, 1 << BITS) for a in row] for row in X.x]
 
@@ -321,7 +321,7 @@ class Path:
 
         Such a z bounds all later u: the solution from z falls. z may be u itself.
         """
-        u = tops(y)[:-1]
+        u = upper_ends(y)[:-1]
         return any(
             is_at_most(u, z)
             and all(a <= 0 for (a,) in total(product(self.W, z), self.f))
@@ -339,9 +339,9 @@ class Path:
         while len(derivatives) < DEGREE + 2:
             derivatives.append(W.times(derivatives[-1]))
         rows, last = [X.times(each) for each in derivatives[:-1]], derivatives[-1]
-        size = tops(Ball([[abs(a) for a in entry] for entry in last.x], last.radius))
+        size = upper_ends(Ball([[abs(a) for a in entry] for entry in last.x], last.radius))
         h = length
-        for _ in range(MOST_HALVINGS if all(a < 1 for (a,) in tops(rows[0])) else 0):
+        for _ in range(MOST_HALVINGS if all(a < 1 for (a,) in upper_ends(rows[0])) else 0):
             if self.is_box(rows, size, h):
                 return h
             h /= 2
@@ -368,7 +368,7 @@ class Path:
             for k in range(1, i + 1):
                 weight = Fraction(math.comb(i, k), math.comb(DEGREE, k))
                 coefficient = coefficient.plus(a[k].scaled(weight))
-            if not is_below(tops(coefficient), room):
+            if not is_below(upper_ends(coefficient), room):
                 return False
         return True
 
@@ -388,7 +388,7 @@ class Path:
         if pivots != [*range(len(unit))] or not is_nonnegative(R):
             return []
         factor = 3 * h**DEGREE / math.factorial(DEGREE)
-        return tops(ball([[factor * a for a in row] for row in product(self.X, R)]))
+        return upper_ends(ball([[factor * a for a in row] for row in product(self.X, R)]))
 
 
 def resting_point(W: Matrix, f: Matrix, X: Matrix, start: Matrix) -> Matrix:
@@ -635,12 +635,12 @@ def with_samples(design: Design, system: System, v: Matrix, limit: Fraction) -> 
     s = in_units(s, units, column([Fraction(1)] * (n + 1)))
     zeros = [Fraction(0)] * len(C)
     Z = [row[:n] + zeros + row[n:] for row in r + s] + [[Fraction(0)] * (n + 1) + zeros]
-    E, L = tops(exponential(ball(Z).scaled(limit)))[n:-1], in_units(L, v, units)
+    E, L = upper_ends(exponential(ball(Z).scaled(limit)))[n:-1], in_units(L, v, units)
     slow = [
         [-min(a, Fraction(0)) if i == j else Fraction(0) for j, a in enumerate(row)]
         for i, row in enumerate(system.W)
     ]
-    late = product([row[:n] for row in E], tops(exponential(ball(slow).scaled(limit))))
+    late = product([row[:n] for row in E], upper_ends(exponential(ball(slow).scaled(limit))))
     W, f = total(system.W, product(L, late)), total(system.f, product(L, [row[-1:] for row in E]))
     return system._replace(W=W, f=f)
 
@@ -667,7 +667,7 @@ def prove_width(design: Design, system: System, evidence: Table, limit: Time) ->
     if not N:
         demand(all(a < 0 for (a,) in total(product(W, v), f)), "W v + f < 0 fails")
         demand(is_at_most(product(out, v), always), "the bound is below the tube")
-        return f"the width comes to at most {words(always)}"
+        return f"the width comes to at most {listed(always)}"
     after, before = vectors(evidence, "after_jump before_jump", n)
     demand(is_nonnegative(h), "the jump of the width is not nonnegative")
     demand(is_at_most(product(out, v), after), "the bound after jumps is below the tube")
@@ -681,8 +681,8 @@ def prove_width(design: Design, system: System, evidence: Table, limit: Time) ->
     for row in evidence.get("constant_dwell", []):
         prove_constant_dwell(system, design.ends, row)
     return (
-        f"the width comes, as jumps go on, to at most {words(after)} after a jump, {words(before)} "
-        f"before one and {words(always)} at any time"
+        f"the width comes, as jumps go on, to at most {listed(after)} after a jump, "
+        f"{listed(before)} before one and {listed(always)} at any time"
     )
 
 
@@ -700,7 +700,7 @@ def prove_constant_dwell(system: System, ends: Range, row: Table) -> None:
     demand(ends[0] <= T <= ends[1] and 0 < T < math.inf, "a constant dwell time is out of range")
     Z = [[a * T for a in r + b] + [Fraction(0)] * n for r, b in zip(W, f)]
     Z += [[Fraction(0)] * (2 * n + 1)] + [r + [Fraction(0)] * (n + 1) for r in identity(n)]
-    whole = tops(exponential(ball(Z)))
+    whole = upper_ends(exponential(ball(Z)))
     E, g = [r[:n] for r in whole[:n]], [r[n : n + 1] for r in whole[:n]]
     b = solution(difference(identity(n), product(E, N)), total(product(E, h), g))
     demand(is_nonnegative(b), "no limit of the width was shown")
@@ -735,7 +735,7 @@ def vectors(evidence: Table, names: str, n: int) -> List[Matrix]:
     return [column(array(evidence[name], "n", {"n": n})) for name in names.split()]
 
 
-def words(v: Matrix) -> str:
+def listed(v: Matrix) -> str:
     """A vector of the file, as text."""
     return "(" + ", ".join(repr(float(a)) for (a,) in v) + ")"
 
@@ -758,7 +758,7 @@ def prove_design(design: Design) -> List[str]:
     if design.kind == "interval":
         system, quantity = width_system(design), "width of the bounds"
         F, H = system.W, system.N
-        sentences.append("proved: signs of the bounds, to rounding")
+        sentences.append("proved: signs of the bounds, splits to 2^-46 of the largest entry")
         proved += ["flow_positive", "jump_positive"] if H else ["flow_positive"]
         if "width" in design.evidence:
             widths = prove_width(design, system, design.evidence["width"], math.inf)

@@ -257,9 +257,9 @@ TESTS = {
 }
 # functions of the checker whose mutants are met
 FUNCTIONS = (
-    "tops", "resting_point", "remainder_map", "in_units", "with_samples", "prove_width",
+    "upper_ends", "resting_point", "remainder_map", "in_units", "with_samples", "prove_width",
     "prove_constant_dwell", "prove_vector", "units", "prove_rates", "prove", "width_system",
-    "disturbance", "noise", "times", "scaled", "plus", "norm", "ball", "is_positive", "is_negative", "is_less", "between",
+    "disturbance", "noise", "times", "scaled", "plus", "norm", "ball", "is_positive", "is_negative", "is_less", "congruence",
     "lyapunov", "bounding_factor", "prove_range", "cover", "time_of_tail", "bounded", "exponential",
     "falling", "holds_from", "holds", "advance", "best_remainder", "is_box", "remainder_factor",
     "check_partition", "common_cells", "is_reachable", "edges_of", "prove_hurwitz",
