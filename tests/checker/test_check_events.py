@@ -14,11 +14,14 @@ import numpy as np
 import pytest
 
 import obsdesign
+from lmi.arithmetic.balls import exact, to_float
 from lmi.arithmetic.exponential import expm
+from obsdesign.analysis.interval.clock_widths import ClockSystem
 from obsdesign.analysis.interval.event_graph import stability_graph
 from obsdesign.analysis.interval.mark_graph import MarkGraph
 from obsdesign.checker import check_events, check_widths
 from obsdesign.design_file import from_dict
+from obsdesign.equations.interval.clock_gains import ClockedIntervalGains
 from tests.checker.test_check_widths import definitions
 from tests.systems.checked import CHECK_EVENTS, answer, changed, evidence, exit_code
 from tests.systems.designs import investigated_file
@@ -40,7 +43,7 @@ def _zeros(n: int) -> dict[str, Any]:
 KICK = {"name": "kick", "G": [[1, 0], [0.5, 1.2]], "every": [3, 9], "disturbance": _zeros(2)}
 FIRST = {"name": "first", "C": [[1, 0]], "noise_bound": 0.03, "every": [0, 0.4]}
 AT_HIT = {"name": "at_hit", "C": [[1, 0]], "noise_bound": 0.03, "at": "hit"}
-PLANTS = {
+PLANTS: dict[str, dict[str, Any]] = {
     "one event": two_states((1.3, 1.9), 0.2),
     "it may stay away": two_states((1.3, math.inf), 0.2),
     "near the limit": two_states((0.79, 1.2), 0.2),
@@ -48,8 +51,27 @@ PLANTS = {
     "one row": _with(two_states((2.0, 3.0), 0.2), event=KICK, sensor=AT_HIT | {"sees": "after"}),
     "two sensors": _with(two_states((1.2, 2.0), 0.3), sensor=FIRST),
     "apart": _with(two_states((2.0, 3.0), 0.2), event=KICK) | {"timing": {"spacing": 0.5}},
+    "continuous": _with(two_states((1.3, 1.9), 0.2), sensor=FIRST | {"every": "continuous"}),
     "no events": motor(0.03, 0.15),
+    "two states": {
+        "name": "two states",
+        "flow": {"A": [[-1, 0], [1, -1]], "disturbance": _zeros(2)},
+        "sensor": [FIRST | {"every": [0, 0.1]}],
+        "observer": {"kind": "interval"},
+    },
 }
+
+
+def unproved(body: dict[str, Any], **evidence: Any) -> dict[str, Any]:
+    """A design without gains, signed, with whatever evidence of its stability."""
+    document = {
+        "format": "obsdesign/design", "version": 1, "name": body["name"], "kind": "interval",
+        "problem": obsdesign.Problem.from_dict(body).to_dict(),
+        "gains": system_of(body).gains.to_document(),
+        "claims": [{"id": "event_stability", "verdict": "proved", "evidence": evidence}],
+    }  # fmt: skip
+    text = json.dumps(document, default=np.ndarray.tolist).replace("Infinity", '"inf"')
+    return changed(json.loads(text), lambda d: None)
 
 
 @cache
@@ -58,21 +80,14 @@ def _text(name: str) -> str:
         design = investigated_file(EXAMPLES / f"{name}.toml").design
         assert design is not None
         return json.dumps(design.to_dict())
-    body, system = PLANTS[name], system_of(PLANTS[name])
+    system = system_of(PLANTS[name])
     cells, tube = next((k, v) for k in (1, 2, 4, 8) if (v := stable_tube(system, k)) is not None)
-    proof = {"cells": cells, "tube": tube}
-    claim = {"id": "event_stability", "verdict": "proved", "evidence": proof}
-    document = {
-        "format": "obsdesign/design", "version": 1, "name": body["name"], "kind": "interval",
-        "problem": obsdesign.Problem.from_dict(body).to_dict(), "gains": system.gains.to_document(),
-        "claims": [claim],
-    }  # fmt: skip
-    return json.dumps(document, default=np.ndarray.tolist).replace("Infinity", '"inf"')
+    return json.dumps(unproved(PLANTS[name], cells=cells, tube=tube))
 
 
 def document(name: str) -> Any:
     """The document of a design, signed."""
-    return changed(json.loads(_text(name)), lambda d: None)
+    return json.loads(_text(name))
 
 
 @pytest.mark.parametrize("name", [*PLANTS, *WIDE])
@@ -212,29 +227,95 @@ def test_verify_agrees_with_what_is_refused() -> None:
 # the graph --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("cells", [1, 3])
-@pytest.mark.parametrize("name", [name for name in PLANTS if name != "no events"])
-def test_the_graph_is_that_of_verify(name: str, cells: int) -> None:
+def random_clocks(seed: int) -> dict[str, Any]:
+    """Two events and two sensors: spacings and gaps of any order, ends with and without room."""
+    rng = np.random.default_rng([26, seed])
+    body = two_states((1.0, 2.0), 0.2) | {"timing": {"spacing": float(rng.choice([0.0, 0.3]))}}
+    body["event"] = [*body["event"], dict(KICK)]
+    body["sensor"] = [*body["sensor"], dict(FIRST), *([AT_HIT] if seed % 2 else [])]
+    for event in body["event"]:
+        low = float(rng.choice([0.3, 1.0, 2.0]))
+        event["every"] = [low, low + float(rng.choice([0.0, 0.5, 3.0, math.inf]))]
+    for sensor in body["sensor"][:2]:
+        sensor["every"] = [0.0, float(rng.choice([0.2, 0.7, 2.5]))]
+    body["sensor"][0] |= {"every": 0.1, "jitter": 0.02, "losses": int(rng.integers(0, 9))}
+    return body
+
+
+CLOCKS = [(body, 3) for body in PLANTS.values() if "event" in body]
+CLOCKS += [(random_clocks(seed), 1) for seed in range(12)]
+CLOCKS += [(random_clocks(seed), 2) for seed in (0, 3, 4)]
+ANY = {"name": "any", "G": [[1, 0], [0, 1]], "disturbance": _zeros(2)}
+CLOCKS += [(_with(two_states((1.0, 2.0), 0.2), event=ANY), 2)]
+
+
+@pytest.mark.parametrize(("body", "cells"), CLOCKS)
+def test_the_graph_is_that_of_verify(body: dict[str, Any], cells: int) -> None:
     """Nodes in the same order, and passages in exact times that those in floats contain."""
-    design = check_events.Design(json.dumps(document(name)))
+    design = check_events.Design(json.dumps(unproved(body)))
     design.read()
     maps = check_events.WidthMaps(design, homogeneous=True)
-    graph = check_events.Graph(maps, check_events.Marks(maps, cells, 1))
-    system = system_of(PLANTS[name])
+    system = system_of(body)
     builder = MarkGraph(system, maps.events, cells)
+    graph = check_events.Graph(maps, check_events.Marks(maps, cells, 1))
     other, nodes = builder.graph(math.inf), stability_graph(system, cells)
     assert other is not None
     assert nodes is not None
     assert len(nodes.graph.nodes) == len(graph.nodes)
     assert [(node.sort, *node.places) for node in builder.places] == [*graph.places]
-    for own, exact in zip(other.nodes, graph.nodes, strict=True):
-        assert list(map(len, own)) == list(map(len, exact))
-        for strategy, passages in zip(own, exact, strict=True):
+    for own, lists in zip(other.nodes, graph.nodes, strict=True):
+        assert list(map(len, own)) == list(map(len, lists))
+        for strategy, passages in zip(own, lists, strict=True):
             for one, (source, place, (low, high)) in zip(strategy, passages, strict=True):
                 event = len(graph.happens) - 1 if one.event is None else one.event
                 assert (one.source, event) == (source, place)
                 assert one.low <= low <= high <= one.high
                 assert float(high) >= one.high * (1 - 1e-9)
+
+
+def test_what_events_and_samples_do_is_that_of_verify() -> None:
+    """Random outputs and gains, read before and after events, several in a row."""
+    rng = np.random.default_rng(27)
+    for seed in range(6):
+        body = random_clocks(seed) | {"timing": {"spacing": 0.0}}
+        body["sensor"] += [AT_HIT | {"name": "later", "sees": "after"}]
+        body["sensor"] += [AT_HIT | {"name": "at_kick", "at": "kick"}]
+        for sensor in body["sensor"]:
+            sensor |= {"C": rng.choice([-2.0, 0.0, 0.5, 3.0], (1, 2)).tolist(), "noise_bound": 0.3}
+        plant = obsdesign.Problem.from_dict(body).plant
+        L, M = rng.uniform(-1, 1, (2, plant.p)), rng.uniform(-1, 1, (2, 2, plant.p))
+        M[seed % 2] *= np.arange(plant.p) == (plant.p - 1 if seed % 2 else 2)
+        system = ClockSystem(ClockedIntervalGains.from_plant(plant, L=L, M=M))
+        document = unproved(body)
+        document["gains"] |= {"L": L.tolist(), "M": M.tolist()}
+        design = check_events.Design(json.dumps(changed(document, lambda d: None)))
+        design.read()
+        still, driven = (check_events.WidthMaps(design, homogeneous=x) for x in (True, False))
+        u = rng.uniform(0, 1, 2)
+        for k in range(len(design.sensors)):
+            check_stages(driven.sampled(k), (system.sampled(k),), u)
+        for kind in ((0,), (1,), (0, 1), (1, 0)):
+            stages = [stage.homogeneous() for stage in system.happened(kind)]
+            check_stages(still.happened(kind), stages, u)
+
+
+def check_stages(own: Any, stages: Any, u: Any) -> None:
+    """What each stage makes of u, one after the other."""
+    image, other = [Fraction(a) for a in u], exact(u)
+    assert len(own) == len(stages)
+    for maps, stage in zip(own, stages, strict=True):
+        image, other = check_events.least(maps, image), stage(other)
+        assert np.allclose([float(a) for a in image], to_float(other), rtol=1e-12, atol=0)
+
+
+def test_a_box_is_as_high_as_the_bend_between_its_ends() -> None:
+    """e^-t - e^-2t about its peak at ln 2: both ends are lower by h^2 / 8 times 1/2, nearly."""
+    one, h = Fraction(1), Fraction(1, 1000)
+    flow = check_events.PositiveFlow([[-one, 0 * one], [one, -2 * one]], [0 * one, 0 * one])
+    X, Y = flow.box(Fraction(math.log(2)) - h / 2, h)
+    y = [one, 0 * one, one]
+    bound = max(check_events.dot(X[1], y), check_events.dot(Y[1], y))
+    assert Fraction(1, 4) < bound < Fraction(1, 4) + h * h / 64
 
 
 def test_boxes_hold_the_path() -> None:
@@ -244,8 +325,8 @@ def test_boxes_hold_the_path() -> None:
         n = int(rng.integers(1, 4))
         W = rng.uniform(0, 1, (n, n)) - 3 * np.diag(rng.uniform(0, 1, n))
         f, start = rng.uniform(0, 1, n), rng.uniform(0, 2, n)
-        exact = [[Fraction(a) for a in row] for row in W]
-        flow = check_events.PositiveFlow(exact, [Fraction(a) for a in f])
+        rows = [[Fraction(a) for a in row] for row in W]
+        flow = check_events.PositiveFlow(rows, [Fraction(a) for a in f])
         t, h = float(rng.uniform(0, 1)), float(rng.uniform(0, 2))
         ends = flow.box(Fraction(t), Fraction(h))
         y = [Fraction(a) for a in (*start, 1.0)]
@@ -261,6 +342,7 @@ def test_a_limit_that_is_met_is_not_below() -> None:
     flow = check_events.PositiveFlow([[Fraction(-1)]], [Fraction(1)])
     limit, start = Fraction(1 - math.exp(-2.0)), [Fraction(0)]
     assert flow.is_below(start, 0, limit * (1 + Fraction(1, 10**9)), (Fraction(0), Fraction(2)))
+    assert flow.is_below(start, 0, limit * (1 + Fraction(1, 10**9)), (Fraction(1), Fraction(2)))
     assert not flow.is_below(start, 0, limit * (1 - Fraction(1, 10**9)), (Fraction(1), Fraction(2)))
 
 
@@ -281,3 +363,39 @@ def test_what_it_shares_is_the_same_text() -> None:
     assert {name for name in shared if own[name] != other[name]} == {"Design", "prove_width",
                                                                      "prove_design"}  # fmt: skip
     assert {"Ball", "exponential", "array", "number", "main"} <= shared
+
+
+@pytest.mark.parametrize(
+    ("A", "v", "code"),
+    [
+        ([[0.5, 0.0], [1.0, -1.0]], [1.0, 1.1], 0),  # x2 falls while x1 is held by its samples
+        ([[0.5, 0.0], [1.0, -1.0]], [1.0, 0.9], 1),
+        ([[-1.0, 0.0], [1.0, -1.0]], [1.0, 0.9], 0),  # x2 rises first, and is lower later
+        ([[-1.0, 0.0], [1.0, -1.0]], [1.0, 0.2], 1),
+        ([[8.0, 0.0], [0.0, -1.0]], [1.0, 1.0], 0),  # x1 grows by less than 1 from nothing
+        ([[8.0, 0.0], [40.0, -1.0]], [1.0, 1.0], 1),
+    ],
+)
+def test_each_way_to_bound_an_entry_counts(A: Any, v: list[float], code: int) -> None:
+    """Without events: it falls, or all entries flow from an earlier time, or from a sample."""
+
+    def change(d: dict[str, Any]) -> None:
+        d["problem"]["flow"]["A"] = d["gains"]["A"] = A
+        evidence(d, "event_stability").update(tube=[v])
+
+    assert exit_code(changed(document("two states"), change), check_events) == code
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_state_that_grows_does_not_return(place: int) -> None:
+    """Whichever it is; where all decay, all are lower at some later time."""
+    zeros, y = [Fraction(0)] * 3, [Fraction(1)] * 4
+    for rate, returns in ((Fraction(1, 10), False), (Fraction(-1, 10), True)):
+        rates = [rate if i == place else Fraction(-1) for i in range(3)]
+        W = [[a if i == j else Fraction(0) for j in range(3)] for i, a in enumerate(rates)]
+        flow = check_events.PositiveFlow(W, zeros)
+        if returns:
+            assert flow.time_of_return(y, Fraction(1)) > 0
+        else:
+            with pytest.raises(check_events.NotProved):
+                flow.time_of_return(y, Fraction(1))

@@ -254,6 +254,7 @@ def names_of(tally: Counter[tuple[bool, bool]]) -> dict[str, int]:
 TESTS = {
     "check_design.py": ["tests/checker/test_balls.py", "tests/checker/test_check_design.py"],
     "check_widths.py": ["tests/checker/test_check_widths.py"],
+    "check_events.py": ["tests/checker/test_check_events.py"],
 }
 # functions of the checker whose mutants are met
 FUNCTIONS = (
@@ -262,7 +263,11 @@ FUNCTIONS = (
     "disturbance", "noise", "times", "scaled", "plus", "norm", "ball", "is_positive", "is_negative", "is_less", "congruence",
     "lyapunov", "bounding_factor", "prove_range", "cover", "time_of_tail", "bounded", "exponential",
     "falling", "holds_from", "holds", "advance", "best_remainder", "is_box", "remainder_factor",
-    "check_partition", "common_cells", "is_reachable", "edges_of", "prove_hurwitz",
+    "check_partition", "common_cells", "is_reachable", "edges_of", "prove_hurwitz", "steep",
+    "box", "is_below", "time_of_return", "dot", "least", "corrected", "sampled", "happened",
+    "is_read", "meet", "less", "until", "preceding", "ages_at_marks", "grown", "since", "unsampled",
+    "from_first", "last_of_both", "prove_graph", "prove_stability", "prove_still", "read_sensors",
+    "read_events", "read",
 )  # fmt: skip
 # survivors that no test has to see: a part of the changed line, and why
 EXPLAINED = {
@@ -283,6 +288,11 @@ EXPLAINED = {
     "g = total(tops, self.v,": "any positive share of v makes an upper bound without zeros",
     "while (norm(Z.x) - n * Z.radius)": "where radii count, they are larger than the rest",
     "if p <= (1):": "a pivot of one unit is given away",
+    "i + (2)} of a bound": "words of a refusal",
+    "h * (3)**MOST_HALVINGS": "when a range that fails is given up",
+    "(is_short and any(": "the same: it fails at an end then, too",
+    "sorted({(2), cells})": "of two graphs that whose nodes are as many as the bounds is taken",
+    "max(a, (1))": "P larger by a unit is right too",
     "max(cells, default=(1))": "one cell more, the whole range, changes nothing",
 }
 
