@@ -21,7 +21,7 @@ from obsdesign.document import digest
 from obsdesign.interop import save_mat
 from obsdesign.output_files import replacing, temporary_folder, unwinding_signals, write_text
 from obsdesign.pages.plotting.style import picture
-from tests.cli.test_commands import command
+from tests.systems.command_line import command
 from tests.test_architecture import FILES, module
 
 

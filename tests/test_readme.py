@@ -12,6 +12,7 @@ import pytest
 
 from docs.figures.demo import numbers
 from obsdesign.pages.plotting.estimate_record import Table
+from tests.systems.command_line import command
 from tests.test_figures import is_same_picture
 
 ROOT = Path(__file__).parent.parent
@@ -70,10 +71,7 @@ def test_console_block(tmp_path: Path) -> None:
     assert len(commands) == 12
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     for line in commands:
-        done = subprocess.run(
-            [sys.executable, "-c", "from obsdesign.cli.main import main; main()", *shlex.split(line)],
-            cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300,
-        )  # fmt: skip
+        done = command(*shlex.split(line), cwd=tmp_path)
         assert done.returncode == 0, (line, done.stderr)
     assert (tmp_path / "estimate.png").exists()
     assert (tmp_path / "both.png").exists()

@@ -34,10 +34,10 @@ from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.step_cache import shared_length
 from obsdesign.studies.comparison.kalman import kalman_filter
-from tests.cli.test_commands import command
 from tests.fuzz.cases import design_text
 from tests.fuzz.harness import Case, call
 from tests.fuzz.plants import PROBLEMS
+from tests.systems.command_line import command
 
 ROOT = Path(__file__).parent.parent
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,9 @@ from click.testing import CliRunner
 from docs.notebooks import BLOCK as FENCE
 from docs.notebooks import TUTORIALS, notebook
 from obsdesign.cli.commands import cli
+from tests.systems.command_line import command
 from tests.systems.compiled import require
+from tests.test_figures import is_same_picture
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -35,19 +38,36 @@ python() {
 """
 
 
-END = "-- end of the output --"
+SPECIAL = re.compile(r"[|<>;&$`*(){}]")  # what is more to a shell than words
 
 
-def run(folder: Path, commands: list[str]) -> list[str]:
-    """What each of the commands prints, on either stream; one shell runs them in turn."""
+def outputs(folder: Path, lines: list[str]) -> list[str]:
+    """What each of the commands prints, on either stream.
+
+    Commands of obsdesign without pipes run in this process, all others in a shell.
+    """
+    return [
+        in_process(folder, line)
+        if line.startswith("obsdesign ") and not SPECIAL.search(line)
+        else in_shell(folder, line)
+        for line in lines
+    ]
+
+
+def in_process(folder: Path, line: str) -> str:
+    done = command(*shlex.split(line)[1:], cwd=folder)
+    assert done.returncode in (0, 1, 3), (line, done.stderr)
+    return done.stdout + done.stderr
+
+
+def in_shell(folder: Path, line: str) -> str:
     environment = os.environ | {"PYTHON": sys.executable, "PYTHONPATH": str(ROOT)}
-    script = SHELL + "".join(f"{command} || exit 9\necho '{END}'\n" for command in commands)
     done = subprocess.run(
-        ["bash", "-c", script], cwd=folder, env=environment, timeout=400, text=True,
+        ["bash", "-c", f"{SHELL}{line} || exit 9"], cwd=folder, env=environment, timeout=400, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
-    assert done.returncode == 0, (commands, done.stdout)
-    return done.stdout.split(END)[:-1]
+    assert done.returncode == 0, (line, done.stdout)
+    return done.stdout
 
 
 def steps(block: str) -> list[tuple[str, str]]:
@@ -89,11 +109,14 @@ def test_every_snippet_of_a_page_runs_in_turn(
         elif language == "console":
             pairs = steps(text)
             assert pairs
-            outputs = run(tmp_path, [command for command, _ in pairs])
-            for (command, said), output in zip(pairs, outputs, strict=True):
-                assert (line := missing_line(said, output)) is None, (command, line, output)
+            shown = outputs(tmp_path, [line for line, _ in pairs])
+            for (typed, said), output in zip(pairs, shown, strict=True):
+                assert (line := missing_line(said, output)) is None, (typed, line, output)
         elif language == "python":
             exec(compile(text, page.name, "exec"), names)
+    if page.parent == TUTORIALS:  # its picture is the one that it draws
+        picture = f"{page.stem}.png"
+        assert is_same_picture(tmp_path / picture, TUTORIALS / picture), "out of date"
 
 
 OUTPUT = """shortest dwell: proved at 0.6931474578188175

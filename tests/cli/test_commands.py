@@ -16,18 +16,10 @@ import pytest
 import obsdesign
 from obsdesign.cli import commands as cli
 from obsdesign.document import digest
+from tests.systems.command_line import command
 
 ROOT = Path(__file__).parents[2]
 ACADEMIC = ROOT / "examples" / "degue_4_1.toml"
-
-
-def command(
-    *arguments: object, cwd: Path, stdin: str | None = None
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", "from obsdesign.cli.main import main; main()", *map(str, arguments)],
-        cwd=cwd, input=stdin, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
 
 
 def rows(path: Path) -> list[dict[str, str]]:

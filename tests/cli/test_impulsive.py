@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parent.parent.parent
+from tests.systems.command_line import command
+
 DOUBLE: dict[str, Any] = {
     "name": "double integrator",
     "flow": {"A": [[0, 1], [0, 0]]},
@@ -18,13 +17,6 @@ DOUBLE: dict[str, Any] = {
     "output": {"C": [[1, 0]], "measured": "at_jumps"},
     "observer": {"kind": "impulsive"},
 }
-
-
-def command(*args: Any, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", "from obsdesign.cli.main import main; main()", *map(str, args)],
-        cwd=cwd, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
 
 
 def written(tmp_path: Path, **changes: Any) -> Path:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ import pytest
 import obsdesign
 from obsdesign.pages.plotting.estimate import _moments
 from obsdesign.pages.plotting.estimate_record import Table
+from tests.systems.command_line import command
 from tests.test_architecture import SOLVERS, run_blocked
 
 ROOT = Path(__file__).parents[2]
@@ -28,14 +27,6 @@ def designs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         obsdesign.design(obsdesign.load_problem(ROOT / "examples" / f"{name}.toml")).save(path)
         made.append(path)
     return made
-
-
-def command(*words: object) -> subprocess.CompletedProcess[str]:
-    script = "from obsdesign.cli.main import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", script, *map(str, words)],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
 
 
 def test_verify_needs_no_solver_and_the_runtime_numpy_alone(designs: list[Path]) -> None:
@@ -57,8 +48,9 @@ def test_verify_needs_no_solver_and_the_runtime_numpy_alone(designs: list[Path])
 def test_a_record_through_the_command_line(designs: list[Path], tmp_path: Path) -> None:
     estimate, events = tmp_path / "est.csv", tmp_path / "events.csv"
     done = command(
-        "run", designs[0], RECORD, "-o", estimate, "--initial", "0,2.4", "--events", events
-    )
+        "run", designs[0], RECORD, "-o", estimate, "--initial", "0,2.4", "--events", events,
+        cwd=ROOT,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader(estimate.read_text("utf-8").splitlines()))
     assert [float(row["t"]) for row in rows] == [10.0 * k for k in range(48)]
@@ -67,10 +59,8 @@ def test_a_record_through_the_command_line(designs: list[Path], tmp_path: Path) 
     assert [round(float(row["t"])) for row in rows] == [54, 131, 212, 263, 379, 443]
     assert all(float(row["t_std"]) > 1 for row in rows)
     # row by row on a pipe: the same answer
-    piped = subprocess.run(
-        [sys.executable, "-c", "from obsdesign.cli.main import main; main()", "run", str(designs[0]), "--initial", "0,2.4"],
-        cwd=ROOT, input=RECORD.read_text("utf-8"), capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    text = RECORD.read_text("utf-8")
+    piped = command("run", designs[0], "--initial", "0,2.4", cwd=ROOT, stdin=text)
     assert piped.stdout == estimate.read_text("utf-8")
 
 
@@ -79,7 +69,7 @@ def test_simulate_makes_records_that_the_observer_reads(
 ) -> None:
     data, true, events = (tmp_path / name for name in ("data.csv", "true.csv", "events.csv"))
     done = command("simulate", designs[1], "--until", 130, "--step", 0.05, "--initial", "4,20,60",
-                   "--events", true, "-o", data, "--seed", 3)  # fmt: skip
+                   "--events", true, "-o", data, "--seed", 3, cwd=ROOT)  # fmt: skip
     assert done.returncode == 0, done.stderr
     done = command(
         "run",
@@ -91,6 +81,7 @@ def test_simulate_makes_records_that_the_observer_reads(
         "4,20,60",
         "--events",
         events,
+        cwd=ROOT,
     )
     assert done.returncode == 0, done.stderr
     wanted = [
@@ -139,14 +130,14 @@ def test_every_event_file_can_be_drawn(A: str, H: str, C: str, noise: str, tmp_p
         ("run", design, data, "-o", estimate, "--events", events),
         ("plot", estimate, data, "--events", events, "-o", picture),
     ):
-        done = command(*words)
+        done = command(*words, cwd=ROOT)
         assert done.returncode == 0, (words, done.stderr)
     rows = list(csv.DictReader(events.read_text("utf-8").splitlines()))
     assert len(rows) >= 2
     assert all(float(row["t"]) > 0 and float(row["weight"]) != 0 for row in rows)
     # the twin: a time that is no number is refused, so that the picture proves something
     events.write_text(events.read_text("utf-8").replace(rows[0]["t"], f"time({rows[0]['t']})"))
-    refused = command("plot", estimate, data, "--events", events, "-o", picture)
+    refused = command("plot", estimate, data, "--events", events, "-o", picture, cwd=ROOT)
     assert refused.returncode == 2
     assert "must hold numbers" in refused.stderr
 

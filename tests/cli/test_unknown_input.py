@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-import subprocess
-import sys
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import numpy as np
 import pytest
@@ -16,17 +15,14 @@ from docs.figures.unknown_input import fault, record, road
 from obsdesign.data.simulation import simulate
 from obsdesign.runtime import from_design
 from tests.systems.checks import check_kind
+from tests.systems.command_line import command
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = [ROOT / "examples" / f"{name}.toml" for name in ("ahn_1", "ahn_2", "quarter_car")]
 
 
-def cli(*arguments: str, data: str | None = None) -> subprocess.CompletedProcess[str]:
-    code = "from obsdesign.cli.main import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments], input=data, cwd=ROOT, capture_output=True,
-        text=True, check=False,
-    )  # fmt: skip
+def cli(*arguments: str, data: str | None = None) -> CompletedProcess[str]:
+    return command(*arguments, cwd=ROOT, stdin=data or "")
 
 
 def table(text: str) -> dict[str, list[str]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
 import obsdesign
+from tests.systems.command_line import command
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_rates.toml"
 ROWS = "t,speed,position\n0.0,0,0\n0.2,0.01,\n0.25,0.01,\n0.4,0.01,0\n"
@@ -17,10 +17,9 @@ INITIAL = "--initial=-1,1,-1,1,-1,1"
 
 def run(
     design: Path, *options: str, rows: str = ROWS, start: str | None = INITIAL
-) -> subprocess.CompletedProcess[str]:
+) -> CompletedProcess[str]:
     options = options if start is None else (start, *options)
-    command = [sys.executable, "-m", "obsdesign", "run", str(design), *options]
-    return subprocess.run(command, input=rows, capture_output=True, text=True, check=False)
+    return command("run", design, *options, cwd=design.parent, stdin=rows)
 
 
 def test_a_row_between_two_steps(tmp_path: Path) -> None:

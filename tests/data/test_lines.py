@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +11,7 @@ import obsdesign
 from obsdesign.data.layout import Layout
 from obsdesign.data.records import read_samples
 from obsdesign.errors import InputError
+from tests.systems.command_line import command
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -23,10 +22,10 @@ def test_a_pipe_is_read_as_a_file_is(tmp_path: Path, end: str) -> None:
     obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_1.toml")).save(design)
     text = end.join(["t,y1,jump", "0,1,0", "0.1,0.9,0", "0.2,0.8,0", ""]).encode()
     data.write_bytes(text)
-    command = [sys.executable, "-m", "obsdesign", "run", str(design)]
-    bounds = ["--initial", "-2,2,-2,2"]
-    file = subprocess.run([*command, str(data), *bounds], capture_output=True, check=True)
-    pipe = subprocess.run([*command, *bounds], input=text, capture_output=True, check=True)
+    bounds = ("--initial", "-2,2,-2,2")
+    file = command("run", design, data, *bounds, cwd=tmp_path)
+    pipe = command("run", design, *bounds, cwd=tmp_path, stdin=text)
+    assert (file.returncode, pipe.returncode) == (0, 0)
     assert file.stdout == pipe.stdout
     assert len(file.stdout.splitlines()) == 4
 

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import re
-import sys
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
-from unittest import mock
 
-from obsdesign.cli.commands import main
+from tests.systems.command_line import command
 
 _MOST_ERROR_LINES = 2
 _SKIPPED = " skipped."  # how a remark on a row that is left out ends
@@ -44,21 +40,10 @@ class Outcome:
 
 def call(case: Case, folder: Path) -> Outcome:
     """Run the command line in a folder; exceptions that leave it are not caught."""
-    out, err, code = io.StringIO(), io.StringIO(), None
     start = time.process_time()
-    with (
-        chdir(folder),
-        mock.patch.object(sys, "argv", ["obsdesign", *case.arguments]),
-        mock.patch.object(sys, "stdin", io.StringIO(case.stdin)),
-        mock.patch.object(sys, "stdout", out),
-        mock.patch.object(sys, "stderr", err),
-    ):
-        try:
-            main()
-        except SystemExit as leaving:
-            code = leaving.code
+    done = command(*case.arguments, cwd=folder, stdin=case.stdin)
     seconds = time.process_time() - start
-    return Outcome(code if isinstance(code, int) else -1, out.getvalue(), err.getvalue(), seconds)
+    return Outcome(done.returncode, done.stdout, done.stderr, seconds)
 
 
 def judged(case: Case, folder: Path) -> tuple[int, list[str]]:

@@ -11,7 +11,7 @@ import pytest
 
 import obsdesign
 from obsdesign.errors import InputError
-from tests.cli.test_commands import command
+from tests.systems.command_line import command
 
 GOOD: dict[str, Any] = {
     "name": "good",

@@ -16,8 +16,8 @@ from obsdesign.data.simulation import simulate
 from obsdesign.errors import DoesNotApply
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
-from tests.cli.test_commands import command
 from tests.systems.checks import check_kind
+from tests.systems.command_line import command
 
 ROOT = Path(__file__).parents[2]
 LINE = (

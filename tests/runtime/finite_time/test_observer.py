@@ -17,7 +17,7 @@ from obsdesign.errors import InputError
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.finite_time import observer as finite_time
 from obsdesign.runtime.finite_time.window import flowed, held_input
-from tests.cli.test_commands import command
+from tests.systems.command_line import command
 from tests.test_architecture import SOLVERS, run_blocked
 from tests.verification.finite_time.test_claims import ROTATION, L, sampled_problem
 

@@ -16,8 +16,8 @@ from obsdesign import InputError
 from obsdesign.studies.sweep.point import SweepPoint, evaluate
 from obsdesign.studies.sweep.record import read_sweep
 from obsdesign.studies.sweep.run import run_sweep
-from tests.cli.test_commands import command
 from tests.studies.sweep.test_sweep import ACADEMIC, DIED, dies, plan
+from tests.systems.command_line import command
 
 dask = pytest.importorskip("dask", reason="the extra `dask` is not installed")
 distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
