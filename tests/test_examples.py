@@ -23,8 +23,11 @@ from tests.systems.impulsive_input import record
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
 
 
+KIND = {path: obsdesign.load_problem(path).kind for path in EXAMPLES}
+
+
 def of_kind(kind: str) -> list[Path]:
-    return [path for path in EXAMPLES if obsdesign.load_problem(path).kind == kind]
+    return [path for path in EXAMPLES if KIND[path] == kind]
 
 
 @pytest.mark.parametrize(

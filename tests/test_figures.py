@@ -13,7 +13,9 @@ DOCS = Path(__file__).parents[1] / "docs"
 SCRIPTS = [
     path.stem
     for path in sorted((DOCS / "figures").glob("*.py"))
-    if "__main__" in path.read_text("utf-8") and path.stem != "demo"  # drawn in test_readme.py
+    if "__main__" in path.read_text("utf-8")
+    # drawn in test_readme.py and test_site.py
+    and path.stem not in ("demo", "tutorials")
 ]
 SQUARE, FAINT, MOST = 16, 0.05, 0.05  # pixels; a difference of grey; share of other squares
 
@@ -36,13 +38,12 @@ def is_same_picture(one: Path, other: Path) -> bool:
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_a_script_draws_pictures_of_the_pages(script: str, tmp_path: Path) -> None:
     importlib.import_module(f"docs.figures.{script}").draw(tmp_path)
-    shown = DOCS / "tutorials" if script == "tutorials" else DOCS
     pictures = sorted(path.name for path in tmp_path.iterdir())
     assert pictures
-    assert [name for name in pictures if not (shown / name).exists()] == []
+    assert [name for name in pictures if not (DOCS / name).exists()] == []
     for name in pictures:
         assert (tmp_path / name).stat().st_size > 10_000, name
-        assert is_same_picture(tmp_path / name, shown / name), f"{shown / name} is out of date"
+        assert is_same_picture(tmp_path / name, DOCS / name), f"{DOCS / name} is out of date"
 
 
 def test_pictures_of_other_data_differ() -> None:

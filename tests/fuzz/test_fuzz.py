@@ -12,7 +12,7 @@ from tests.fuzz.cases import CASES, SMALL, design_text
 from tests.fuzz.differences import differs
 from tests.fuzz.harness import Case, Outcome, judged, refusal_faults
 
-BATCHES, SIZE = 5, 100
+BATCHES, SIZE = 5, 40  # `tests.long.fuzz` has any number of them
 
 
 @pytest.mark.parametrize("batch", range(BATCHES))

@@ -20,8 +20,8 @@ from tests.systems.checks import check_kind
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.toml"))
-# their interval observers take seconds, and stay open: `tests.long.check_agrees` has all
-HARD = ("gantry_crane", "medina_spline")
+# observers of other kinds than their own take seconds: `tests.long.check_agrees` has all
+HARD = ("doses_and_samples", "gantry_crane", "gantry_crane_bounds", "medina_spline", "oral_doses")
 
 
 def load(name: str) -> obsdesign.Problem:
