@@ -19,10 +19,15 @@ FILES = sorted([*(ROOT / "lmi").rglob("*.py"), *(ROOT / "obsdesign").rglob("*.py
 
 
 @functools.cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text("utf-8"))
+
+
+@functools.cache
 def imported(path: Path) -> set[str]:
     """Absolute names imported anywhere in a file, inside functions too."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -217,7 +222,7 @@ def changed_names(function: ast.AST) -> set[str]:
 def test_no_module_keeps_state(path: Path) -> None:
     """What a search may take, and what it remarks, are arguments and results."""
     assert not uses(path, "contextvars")
-    tree = ast.parse(path.read_text("utf-8"))
+    tree = parsed(path)
     names = module_level_names(tree)
     for node in ast.walk(tree):
         assert not isinstance(node, ast.Global), f"{module(path)} has a global variable"
@@ -260,7 +265,7 @@ def has_any(tree: ast.AST) -> bool:
 
 def test_any_stands_at_borders_alone() -> None:
     """Elsewhere a value has a type: a table of a file is `Entries` until a dataclass reads it."""
-    using = {module(path) for path in FILES if has_any(ast.parse(path.read_text("utf-8")))}
+    using = {module(path) for path in FILES if has_any(parsed(path))}
     assert using == set(ANY)
 
 

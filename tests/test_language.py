@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -63,10 +64,11 @@ def first_lines(tree: ast.AST) -> Iterator[tuple[str, str]]:
                 yield getattr(node, "name", "module"), text.splitlines()[0]
 
 
-def trees(folder: str) -> Iterator[tuple[str, ast.AST]]:
+@functools.cache
+def trees(folder: str) -> list[tuple[str, ast.AST]]:
     """(name, syntax tree) of the files of a folder."""
-    for path in sorted((ROOT / folder).glob("*.py")):
-        yield path.name, ast.parse(path.read_text("utf-8"))
+    paths = sorted((ROOT / folder).glob("*.py"))
+    return [(path.name, ast.parse(path.read_text("utf-8"))) for path in paths]
 
 
 @pytest.mark.parametrize("folder", FOLDERS)

@@ -88,7 +88,7 @@ small = st.integers(-4, 4)
 
 
 @given(st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 def test_coordinates_feedback_and_injection_keep_the_zeros(data: Any) -> None:
     n, p, q = data.draw(st.tuples(st.integers(2, 4), st.integers(1, 3), st.integers(1, 2)))
     q = min(p, q)

@@ -32,7 +32,7 @@ from tests.papers.test_degue import (
 # --- Section 2: bounds of a product, positive systems, Lyapunov functions -----------------------
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), m=st.integers(1, 4))
 def test_lemma_1_holds_is_attained_and_is_a_midpoint_with_a_radius(
     seed: int, n: int, m: int
@@ -82,7 +82,7 @@ def test_a_metzler_matrix_decays_where_the_linear_program_has_a_solution(n: int)
     assert set(answers) == {"proved", "refuted"}
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 5))
 def test_lemma_2_by_a_positive_vector_on_either_side(seed: int, n: int) -> None:
     """P = diag(u_i / v_i) from A v < v and A' u < u: what the product proves with one vector."""

@@ -18,7 +18,7 @@ def norm(X: np.ndarray) -> float:
     return float(np.linalg.norm(X, 2))
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=60)
 @given(seed=SEEDS, n=st.integers(1, 5), share=st.floats(0.01, 0.99), slack=st.floats(1, 1.5))
 def test_lemma_1(seed: int, n: int, share: float, slack: float) -> None:
     """(3) implies that M + N is regular and (4), for any bounds m >= |M^-1| and n >= |N|."""
@@ -47,7 +47,7 @@ def solution(A: np.ndarray, pieces: np.ndarray, h: float) -> np.ndarray:
     return phi
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=40)
 @given(seed=SEEDS, n=st.integers(1, 4), count=st.integers(1, 6), t=st.floats(0.01, 3),
        size=st.floats(1e-3, 2))  # fmt: skip
 def test_lemma_2(seed: int, n: int, count: int, t: float, size: float) -> None:

@@ -194,7 +194,7 @@ def problems(draw: Any) -> Problem:
     )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(problem=problems())
 def test_json_round_trip_is_exact(problem: Problem) -> None:
     text = json.dumps(problem.to_dict(), allow_nan=False)

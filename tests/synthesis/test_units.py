@@ -100,7 +100,7 @@ def test_a_plant_of_three_states_in_very_different_units_has_an_interval_observe
         assert outcome_of(each, "interval", objective="feasible").verdict == "proved"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, n=st.integers(1, 5))
 def test_the_balanced_plant_is_the_same_in_all_units(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)

@@ -66,7 +66,7 @@ def test_units_of_states_and_time_change_no_verdict(seed: int, high: float) -> N
         assert np.abs(np.linalg.eigvals(product)).max() > 1 - 1e-9
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(st.integers(1, 7), st.integers(0, 2**32 - 1), st.floats(0, 1))
 def test_scaling_is_exact_and_undone_exactly(n: int, seed: int, density: float) -> None:
     rng = np.random.default_rng(seed)

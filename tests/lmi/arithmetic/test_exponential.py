@@ -73,7 +73,7 @@ def test_only_square_matrices() -> None:
         expm(np.zeros((2, 3)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(1, 6), st.integers(1, 70), st.integers(0, 10_000))
 def test_a_grid_is_its_points(n: int, count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -86,7 +86,7 @@ def test_a_grid_is_its_points(n: int, count: int, seed: int) -> None:
         )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(1, 6), st.integers(1, 3), st.integers(1, 70), st.integers(0, 10_000))
 def test_rows_of_a_grid_are_those_times_the_grid(n: int, r: int, count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -294,7 +294,7 @@ def random_windows(rng: np.random.Generator, low: float, high: float, cuts: int)
     return windows
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 12), st.booleans(), st.booleans())
 def test_finder_and_verifier_agree_on_partitions_and_edges(
     seed: int, cuts: int, endless: bool, limited: bool
@@ -316,7 +316,7 @@ def test_finder_and_verifier_agree_on_partitions_and_edges(
     assert prove_windows(F, H, body, 0.5, high, jitter=jitter).outcome == "undecided"
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 10), st.floats(0.05, 1.5))
 def test_every_sequence_walks_along_edges(seed: int, cuts: int, jitter: float) -> None:
     rng = np.random.default_rng(seed)

@@ -27,7 +27,7 @@ def random_pair(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
     return flow, jump * (rng.uniform(0.5, 1.05) / np.abs(np.linalg.eigvals(maps)).max())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))
 def test_a_p_after_jumps_is_found_and_proved_in_its_own_form(seed: int, n: int) -> None:
     flow, jump = random_pair(seed, n)

@@ -105,7 +105,7 @@ def test_a_range_must_be_one() -> None:
         prove_common([[-1.0]], [[0.5]], [[1.0]], 2.0, 1.0)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(1, 5), st.integers(0, 100_000))
 def test_random_dwell_times_never_contradict_a_proof(n: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

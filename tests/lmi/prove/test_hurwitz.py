@@ -53,7 +53,7 @@ def test_proved(F: list) -> None:
     assert prove_hurwitz(np.array(F, dtype=float)).outcome == "proved"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(1, 6), st.integers(0, 100_000))
 def test_decided_as_the_eigenvalues_say(n: int, seed: int) -> None:
     X = np.random.default_rng(seed).standard_normal((n, n))

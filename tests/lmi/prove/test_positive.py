@@ -49,7 +49,7 @@ def operators(F: np.ndarray, H: np.ndarray, side: str, form: str) -> np.ndarray:
     return np.swapaxes(maps, 1, 2) if side == "left" else maps
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), n=st.integers(1, 5),
     side=st.sampled_from(SIDES), form=st.sampled_from(FORMS),

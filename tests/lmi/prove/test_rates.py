@@ -30,7 +30,7 @@ def _stable(seed: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return F, H, thetas
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), endless=st.booleans())
 def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, endless: bool) -> None:
     F, H, thetas = _stable(seed, n)
@@ -67,7 +67,7 @@ def test_rates_that_are_none(rates: Rates) -> None:
     )
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), endless=st.booleans())
 def test_the_largest_rates_are_proved_and_lie_between(seed: int, n: int, endless: bool) -> None:
     F, H, thetas = _stable(seed, n)

@@ -289,7 +289,7 @@ def test_block_rows_that_only_decay_do_not_vanish() -> None:
         assert check_deficient(each, 0.0, 3.0, {"thetas": [3.0]}).outcome == "undecided"
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10**6))
 def test_random_systems_never_contradict(seed: int) -> None:
     rng = np.random.default_rng(seed)

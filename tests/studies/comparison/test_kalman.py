@@ -30,7 +30,7 @@ def plant(rng: np.random.Generator, n: int, **output: object) -> obsdesign.Probl
     return obsdesign.Problem.from_dict(body)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), after=st.booleans())
 def test_without_disturbance_it_is_weighted_least_squares(seed: int, n: int, after: bool) -> None:
     """The last state is the prior and all measurements, solved at once."""

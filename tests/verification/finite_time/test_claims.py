@@ -319,7 +319,7 @@ def test_huge_gains_are_reported() -> None:
 # --- laws -----------------------------------------------------------------------------------------
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 5), p=st.integers(1, 3))
 def test_claims_do_not_depend_on_coordinates_or_units(seed: int, n: int, p: int) -> None:
     rng = np.random.default_rng(seed)

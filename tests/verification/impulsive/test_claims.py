@@ -248,8 +248,9 @@ def test_spacing_zero_is_an_ordinary_end_of_the_range() -> None:
 # --- the gain -----------------------------------------------------------------------------------
 
 
-def test_units_of_time_do_not_matter() -> None:
-    A, G, C = SPLINE
+@pytest.mark.parametrize("plant", [DOUBLE, OSCILLATOR])
+def test_units_of_time_do_not_matter(plant: Any) -> None:
+    A, G, C = (np.asarray(entry) for entry in plant)
     windows = {
         obsdesign.design(impulsive_problem((A * unit, G, C), [0.1 / unit, 0.4 / unit])).gains[
             "window"

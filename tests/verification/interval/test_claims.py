@@ -59,7 +59,7 @@ def outcome_of(body: dict[str, Any]) -> obsdesign.Outcome:
 # --- laws -------------------------------------------------------------------------------------
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), exponent=st.integers(-6, 6))
 def test_another_unit_of_time_changes_no_verdict(seed: int, n: int, exponent: int) -> None:
     body = random_body(np.random.default_rng(seed), n)
@@ -71,7 +71,7 @@ def test_another_unit_of_time_changes_no_verdict(seed: int, n: int, exponent: in
     assert verdicts(outcome_of(body)) == verdicts(outcome_of(scaled))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))
 def test_other_units_and_order_of_the_states_change_no_verdict(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
@@ -87,7 +87,7 @@ def test_other_units_and_order_of_the_states_change_no_verdict(seed: int, n: int
     assert verdicts(outcome_of(body)) == verdicts(outcome_of(transformed))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), room=st.floats(0.0, 1.0))
 def test_a_larger_range_never_helps(seed: int, n: int, room: float) -> None:
     small = random_body(np.random.default_rng(seed), n)
@@ -100,7 +100,7 @@ def test_a_larger_range_never_helps(seed: int, n: int, room: float) -> None:
         assert outcome_of(large).verdict != "proved"
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))
 def test_brute_force_never_contradicts_a_verdict(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
@@ -122,7 +122,7 @@ def test_brute_force_never_contradicts_a_verdict(seed: int, n: int) -> None:
         assert 0.1 <= theta <= 2.0
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     n=st.integers(1, 3),

@@ -125,7 +125,7 @@ def test_one_change_of_coordinates_holds_where_two_fail() -> None:
         assert obsdesign.investigate(two).verdict == verdict
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))
 def test_two_coordinates_are_never_narrower_than_one(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)

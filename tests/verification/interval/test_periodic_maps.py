@@ -30,7 +30,7 @@ def random_maps(seed: int, n: int) -> tuple[Any, Any, Any]:
     return rng.standard_normal((n, n)), 2 * rng.standard_normal((n, n)), rng.random(n)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))
 def test_the_bound_of_a_flow_is_between_the_integral_and_the_comparison_system(
     seed: int, n: int
@@ -51,7 +51,7 @@ def test_the_bound_of_a_flow_is_between_the_integral_and_the_comparison_system(
     np.testing.assert_allclose(positive, wide, rtol=1e-12)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 3), rate=st.sampled_from([1.0, -1.0]))
 def test_a_flow_on_a_range_of_times_is_enclosed(seed: int, n: int, rate: float) -> None:
     X, A, b = random_maps(seed, n)

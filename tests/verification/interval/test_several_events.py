@@ -147,7 +147,7 @@ def test_no_sequence_is_wider_than_what_is_proved(
     bounds = [np.array(evidence["always"])]
     bounds += [np.array([evidence[x][name] for name in names]) for x in ("before", "after")]
     largest = [np.zeros_like(bound) for bound in bounds]
-    for _ in range(12):
+    for _ in range(6):
         for place, widths in enumerate(Sequence(body, rng).largest(until)):
             largest[place] = np.maximum(largest[place], widths)
     for bound, width in zip(bounds, largest, strict=True):

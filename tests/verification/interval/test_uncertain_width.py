@@ -119,7 +119,7 @@ def test_the_width_of_a_jump_that_turns_the_state_is_proved_again() -> None:
 def test_widths_of_a_jump_that_turns_the_state(seed: int) -> None:
     problem, design = Problem(**TURNING), designed(TURNING)
     run = simulate(
-        problem.plant, until=60, initial=[0.2, 0.1], disturbance="extreme",
+        problem.plant, until=30, initial=[0.2, 0.1], disturbance="extreme",
         dwell="shortest" if seed else "random", rng=np.random.default_rng(seed),
     )  # fmt: skip
     assert run.happened is not None
@@ -132,7 +132,7 @@ def test_widths_of_a_jump_that_turns_the_state(seed: int) -> None:
     stamps = run.t[run.happened[:, 0]]
     far = np.abs(run.t[:, None] - stamps).min(axis=1) > 0.05 + 1e-9
     evidence = width_claim(design).evidence
-    late_rows = far & (run.t > 20)
+    late_rows = far & (run.t > 10)
     assert ((high - low)[late_rows] <= evidence["always"]).all()
     assert (high - low)[late_rows].max() > 0.3 * max(evidence["always"])
 

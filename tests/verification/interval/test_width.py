@@ -147,7 +147,7 @@ def test_widths_in_other_coordinates_are_those_of_the_plant() -> None:
 # --- the prover -------------------------------------------------------------------------------
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 3), share=st.floats(0.9, 1.1))
 def test_a_bound_is_proved_exactly_when_it_holds(seed: int, n: int, share: float) -> None:
     rng = np.random.default_rng(seed)

@@ -159,7 +159,7 @@ def test_a_plant_without_jumps() -> None:
 # --- gains ------------------------------------------------------------------------------------
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 6), rate=st.floats(0.0, 2.0))
 def test_the_riccati_gain_decays_at_the_rate(seed: int, n: int, rate: float) -> None:
     rng = np.random.default_rng(seed)
@@ -204,7 +204,7 @@ def test_the_inequality_is_schurs_complement_of_the_contraction() -> None:
         )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), hidden=st.integers(0, 2))
 def test_hidden_modes_are_seen_in_any_coordinates(seed: int, hidden: int) -> None:
     rng = np.random.default_rng(seed)

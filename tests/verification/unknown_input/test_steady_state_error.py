@@ -104,7 +104,7 @@ def test_a_false_gain_in_a_stiff_plant_is_refuted(fast: float) -> None:
 
 
 @given(st.integers(0, 10_000), st.sampled_from([3, 5]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_units_of_the_states_change_no_verdict(seed: int, decades: int) -> None:
     rng = np.random.default_rng(seed)
     n, q = int(rng.integers(2, 7)), int(rng.integers(1, 3))
