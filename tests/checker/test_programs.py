@@ -125,7 +125,8 @@ def test_the_numbers_of_the_coq_proof_prove_a_design() -> None:
 def test_nobody_imports_it() -> None:
     root = FOLDER.parents[1]
     for path in (*(root / "lmi").rglob("*.py"), *(root / "obsdesign").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        text = path.read_text("utf-8")
+        for node in ast.walk(ast.parse(text)) if "checker" in text else ():
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             assert not any(name.startswith("obsdesign.checker") for name in names), path

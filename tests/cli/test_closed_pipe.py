@@ -30,7 +30,7 @@ def code_of(*arguments: object, is_read: bool) -> int:
         return process.wait()
 
 
-@pytest.mark.parametrize("command", ["verify", "check", "compare", "schema", "verify --json"])
+@pytest.mark.parametrize("command", ["verify", "check", "schema", "verify --json"])
 def test_a_reader_that_leaves_is_no_verdict(command: str, design: Path, tmp_path: Path) -> None:
     name, *options = command.split()
     plant = tmp_path / "plant.toml"  # of which all observers are found at once

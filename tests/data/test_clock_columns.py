@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import obsdesign
 from obsdesign.cli.commands import cli
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.csv_text import table_text
@@ -22,6 +21,7 @@ from obsdesign.kinds import TAKING_CLOCKS
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime.base import Sample
 from tests.systems.clocks import DOSES
+from tests.systems.designs import designed
 
 HEADER = "t,plasma,tissue,dose,bolus\n"
 
@@ -93,7 +93,7 @@ def test_every_command_knows_named_clocks_or_refuses_them_in_a_line(
     kind: str, tmp_path: Path
 ) -> None:
     body = {**DOSES, "observer": {"kind": kind}}
-    design = obsdesign.design(Problem.from_dict(body), allow_undecided=True)
+    design = designed(body, allow_undecided=True)
     path = {name: str(tmp_path / name) for name in ("d.json", "p.json", "a.csv", "e.csv", "r.mat")}
     design.save(path["d.json"])
     Path(path["p.json"]).write_text(json.dumps(body), encoding="utf-8")
@@ -109,7 +109,7 @@ def test_every_command_knows_named_clocks_or_refuses_them_in_a_line(
           "-o", str(tmp_path / "r.html")], 0),
         (["sweep", path["p.json"], "--over", "event[0].every[0]=5:6:2",
           "-o", str(tmp_path / "s.jsonl")], 0),
-        (["compare", path["p.json"], "--data", path["a.csv"], "--time", "1"], 0),
+        (["compare", path["p.json"], "--data", path["a.csv"], "--kinds", kind], 0),
         (["check", path["p.json"], "--time", "1"], 0),
         (["design", path["p.json"], "--kind", "luenberger", "-o", path["d.json"]], 2),
         (["search", path["p.json"], "--for", "shortest_dwell"], 2),

@@ -9,6 +9,7 @@ import pytest
 
 import obsdesign
 from tests.systems.command_line import command
+from tests.systems.designs import designed
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_rates.toml"
 ROWS = "t,speed,position\n0.0,0,0\n0.2,0.01,\n0.25,0.01,\n0.4,0.01,0\n"
@@ -47,7 +48,7 @@ def test_a_row_between_two_steps_where_rows_may_be_late(
     for sensor in body["sensor"]:
         sensor["report_delay"] = 0.5
     design, state = tmp_path / "design.json", tmp_path / "state.json"
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(design)
+    designed(body).save(design)
     first, *lines = ["0.0,0,0", "0.2,0.01,", bad, "0.4,0.01,0", "0.3,0,"]
     rows = "\n".join(["t,speed,position", first, *lines, ""])
     refused = run(design, rows=rows)

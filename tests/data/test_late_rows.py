@@ -23,6 +23,7 @@ from obsdesign.document import Design
 from obsdesign.problem.problem import Problem
 from tests.cli.test_commands import ROOT
 from tests.systems.clocks import DOSES
+from tests.systems.designs import designed
 
 LAG = 8.0
 START = "--initial=-2,2,-2,2,-2,2"
@@ -61,7 +62,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A design; a record in the order of time, of arrival, and without arrivals; its estimates."""
     monkeypatch.chdir(tmp_path)
-    obsdesign.design(Problem.from_dict(delayed())).save("d.json")
+    designed(delayed()).save("d.json")
     (tmp_path / "p.json").write_text(json.dumps(delayed()), encoding="utf-8")
     assert ran("simulate", "p.json", "--until", 40, "-o", "time.csv").exception is None
     titles, *rows = cells("time.csv")
@@ -171,7 +172,7 @@ def test_a_row_older_than_the_buffer_is_skipped(desk: Path, stdin: bool) -> None
 
 def test_without_report_delay_rows_that_go_back_are_refused(desk: Path) -> None:
     """The twin: no delay is stated, and nothing says when rows arrived."""
-    obsdesign.design(Problem.from_dict(DOSES)).save("d0.json")
+    designed(DOSES).save("d0.json")
     titles, *rows = cells("arrived.csv")
     k = titles.index("received")
     Path("back.csv").write_text(text(titles[:k], [row[:k] for row in rows]))
@@ -190,7 +191,7 @@ def test_without_report_delay_rows_that_go_back_are_refused(desk: Path) -> None:
 
 @pytest.mark.parametrize("stdin", [False, True])
 def test_a_record_of_rows_that_are_all_late_is_refused(desk: Path, stdin: bool) -> None:
-    obsdesign.design(Problem.from_dict(DOSES)).save("d0.json")
+    designed(DOSES).save("d0.json")
     titles, *rows = cells("time.csv")
     k = titles.index("received")
     late = [[*row[:k], str(float(row[0]) + 2 + 0.01 * i), *row[k + 1 :]]
@@ -297,7 +298,7 @@ def test_rows_that_are_decided_later_are_as_in_time(
     Path("arrived.csv").write_text(text(titles, rows))
     body = problem.to_dict()
     del body["sensor"][0]["report_delay"]
-    obsdesign.design(Problem.from_dict(body)).save("d0.json")
+    designed(body).save("d0.json")
     ran("run", "d0.json", "plain.csv", "-o", "whole.csv")
     done = ran("run", "d.json", "arrived.csv", "-o", "f.csv", "--provisional", "p.csv")
     assert done.exception is None
@@ -318,7 +319,7 @@ def test_a_record_that_is_smoothed_as_a_whole_has_no_late_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    obsdesign.design(Problem.from_dict(unknown_input("batch"))).save("d.json")
+    designed(unknown_input("batch")).save("d.json")
     Path("a.csv").write_text("t,arm1,arm2\n0,0,0\n")
     done = ran("run", "d.json", "a.csv", "-o", "f.csv")
     assert str(done.exception).startswith("report_delay: observer.differentiator 'batch'")
@@ -338,7 +339,7 @@ def test_late_rows_of_one_time_act_as_sees_says(
                     "sees": sees}],
         "observer": {"kind": "interval"},
     }  # fmt: skip
-    obsdesign.design(Problem.from_dict(body)).save("d.json")
+    designed(body).save("d.json")
 
     def bounds(*rows: str) -> list[str]:
         record = "\n".join(["t,dose,level", "0,,", *rows, "9,,", ""])
@@ -371,7 +372,7 @@ def of_both_stages(kind: str) -> Design:
         "sensor": [{"name": "level", "sees": "after"} | sensor, {"name": "early"} | sensor],
         "observer": {"kind": kind},
     }
-    return obsdesign.design(Problem.from_dict(body))
+    return designed(body)
 
 
 @pytest.mark.parametrize(

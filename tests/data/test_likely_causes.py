@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-import obsdesign
 from obsdesign.cli.commands import cli
 from obsdesign.errors import InputError
-from obsdesign.problem.problem import Problem
+from tests.systems.designs import designed
 
 PROBLEM: dict[str, Any] = {
     "flow": {"A": [[-1, 0], [1, -2]]},
@@ -25,7 +24,7 @@ PROBLEM: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def design(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("design") / "d.json"
-    obsdesign.design(Problem.from_dict(PROBLEM)).save(path)
+    designed(PROBLEM).save(path)
     return str(path)
 
 
@@ -74,7 +73,7 @@ def test_a_period_in_another_unit(tmp_path: Path) -> None:
     body = PROBLEM | {"output": {**PROBLEM["output"], "measured": "periodic", "period": 0.1}}
     body = {key: entry for key, entry in body.items() if key != "jump"}
     design = tmp_path / "p.json"
-    obsdesign.design(Problem.from_dict(body)).save(design)
+    designed(body).save(design)
     slow, right = ([f"{step * k:g},0.1,0" for k in range(9)] for step in (100, 0.1))
     for lines, count in ((slow, 1), (right, 0)):
         done = ran("run", str(design), record(tmp_path, *lines), "--initial", "0,1,0,1")

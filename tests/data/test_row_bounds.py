@@ -11,6 +11,7 @@ import obsdesign
 from obsdesign.data.execution import execute
 from obsdesign.data.left_out import LEFT_OUT
 from obsdesign.errors import InputError
+from tests.systems.designs import designed
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -98,7 +99,7 @@ def test_columns_without_use_are_named(design: str, tmp_path: Path) -> None:
     luenberger = tmp_path / "point.json"
     problem = obsdesign.load_problem(EXAMPLES / "degue_4_1.toml").to_dict()
     problem["observer"] = {"kind": "luenberger"}
-    obsdesign.design(obsdesign.Problem.from_dict(problem)).save(luenberger)
+    designed(problem).save(luenberger)
     remarks = []
     execute(str(luenberger), str(tmp_path / "data.csv"), str(tmp_path / "est.csv"), None, None,
             remark=remarks.append)  # fmt: skip
@@ -125,7 +126,7 @@ def test_bounds_of_what_a_matrix_spreads_are_those_of_w(
     body[block] |= spread | {"disturbance": {"lower": [-0.1], "upper": [0.1]}}
     body["observer"] = {"kind": kind}
     path = tmp_path / "spread.json"
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(path)
+    designed(body).save(path)
     problem = obsdesign.Problem.from_dict(body)
     A, G, C = problem.plant.flow.A, problem.plant.jump.G, problem.plant.output.C
     x, letter, rows = np.array([1.0, 1.0]), block[0].replace("f", "b").replace("j", "c"), []

@@ -18,6 +18,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.document import digest
 from obsdesign.input_files import MOST_BYTES
 from tests.cli.test_commands import ROOT, command
+from tests.systems.designs import designed
 
 START = ("--initial", "0,2,0,2")
 HEADER = "t,y1,jump\n"
@@ -79,7 +80,7 @@ def test_what_is_not_decided_waits_for_the_next_part(
     body = obsdesign.load_problem(ROOT / "examples" / f"{name}.toml").to_dict()
     if name == "mattsson_medvedev":
         body["output"]["period"] = 0.1
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save("d.json")
+    designed(body).save("d.json")
     ran("simulate", "d.json", "-o", "all.csv")
     header, *lines = Path("all.csv").read_text().splitlines(keepends=True)
     cut = len(lines) // 2
@@ -236,7 +237,7 @@ def test_a_record_that_is_smoothed_has_no_parts(desk: Path) -> None:
     body = obsdesign.load_problem(ROOT / "examples" / "ahn_1.toml").to_dict()
     body["observer"]["differentiator"] = "batch"
     body["output"]["noise_std"] = [0.1] * len(body["output"]["C"])
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save("d.json")
+    designed(body).save("d.json")
     assert "smooths a record as a whole" in refused("one.csv", "--state", "s.json")
 
 
@@ -334,7 +335,7 @@ def test_rows_after_a_large_input_are_of_this_plant(
         "parameter": [{"name": "gain", "range": [-0.1, 0.1], "B": [[1]]}],
         "observer": {"kind": "luenberger", "gains": {"L": [[1]]}},
     }  # fmt: skip
-    obsdesign.design(obsdesign.Problem.from_dict(heater)).save("d.json")
+    designed(heater).save("d.json")
     for part, rows in (("one", "0,0,0\n1,0,5\n"), ("two", "2,0,0\n3,0,0\n4,0,0\n")):
         Path(f"{part}.csv").write_text("t,y1,u1\n" + rows)
         done = ran("run", "d.json", f"{part}.csv", "--state", "s.json", "-o", "e.csv")

@@ -19,6 +19,7 @@ from obsdesign.cli.commands import cli
 from obsdesign.document import digest
 from obsdesign.pages.curves import curve_of
 from obsdesign.pages.report import write_report
+from tests.systems.designs import designed
 from tests.verification.luenberger.test_error_bound import spring
 
 ROOT = Path(__file__).parents[2]
@@ -89,7 +90,7 @@ def test_a_page_tells_everything_of_its_design(example: str, tmp_path: Path) -> 
 def test_every_strategy_of_impulses_has_its_curve(strategy: str, tmp_path: Path) -> None:
     body = obsdesign.load_problem(ROOT / "examples" / "gantry_crane.toml").to_dict()
     body["observer"] = {"kind": "impulsive", "strategy": strategy}
-    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    design = designed(body)
     curve = curve_of(design)
     assert curve is not None
     (values,) = curve.series.values()
@@ -107,7 +108,7 @@ def test_the_plant_of_a_page_is_that_of_the_design(
     dwell: list[float] | None, words: tuple[str, ...], tmp_path: Path
 ) -> None:
     body = spring((2.0, -1.0)) | ({"jump": {"dwell_time": dwell}} if dwell else {})
-    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    design = designed(body)
     source, output = tmp_path / "design.json", tmp_path / "page.html"
     design.save(source)
     write_report(str(source), str(output))
@@ -123,7 +124,7 @@ def test_text_of_a_design_is_never_markup(tmp_path: Path) -> None:
     body = obsdesign.load_problem(ROOT / "examples" / "degue_4_1.toml").to_dict()
     body["name"] = "<script>alert('x')</script> & sons"
     source, out = tmp_path / "design.json", tmp_path / "report.html"
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(source)
+    designed(body).save(source)
     write_report(str(source), str(out))
     text = out.read_text("utf-8")
     assert "<script" not in text
@@ -146,7 +147,7 @@ def test_a_false_design_gets_no_page(academic_design: Path, tmp_path: Path) -> N
 def test_an_open_claim_is_shouted(tmp_path: Path) -> None:
     body = obsdesign.load_problem(ROOT / "examples" / "sampled_data.toml").to_dict()
     body["observer"]["memory"] = 0  # a common P does not reach so far
-    design = obsdesign.design(obsdesign.Problem.from_dict(body), allow_undecided=True)
+    design = designed(body, allow_undecided=True)
     source, out = tmp_path / "design.json", tmp_path / "report.html"
     design.save(source)
     done = CliRunner().invoke(cli, ["report", str(source), "-o", str(out)], standalone_mode=False)

@@ -27,7 +27,7 @@ def true_map(N: Matrix, h: float) -> Matrix:
         return middle(exp_times(exact(N), h))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(SEEDS, st.integers(1, 5), st.floats(-12, 4), st.integers(-30, 30))
 def test_maps_are_those_of_many_digits(seed: int, n: int, size: float, units: int) -> None:
     """At any length, in any units of time and of states."""
@@ -40,7 +40,7 @@ def test_maps_are_those_of_many_digits(seed: int, n: int, size: float, units: in
     assert error.max() <= 2e-14 * max(h, 1.0) * n * largest
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(SEEDS, st.floats(0.01, 3.0), st.floats(0.01, 3.0))
 def test_two_steps_are_the_step_of_both(seed: int, first: float, second: float) -> None:
     cells = FlowCells(random_flow(seed, 3) - 2 * np.eye(3), 3)

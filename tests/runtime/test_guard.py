@@ -13,6 +13,7 @@ from obsdesign import Problem
 from obsdesign.document import Design
 from obsdesign.runtime import from_design
 from obsdesign.runtime.clocks.dwell_guard import DwellGuard
+from tests.systems.designs import designed
 
 
 def objections(guard: DwellGuard, instants: list[float]) -> list[str | None]:
@@ -103,7 +104,7 @@ def test_another_range_in_the_gains_than_in_the_problem_is_refused(kind: str) ->
 def test_the_range_of_a_search_for_the_shortest_is_wider_below_only() -> None:
     body = problem("interval").to_dict()
     body["observer"] = {"kind": "interval", "objective": "shortest_dwell"}
-    design = obsdesign.design(Problem.from_dict(body))
+    design = designed(body)
     low, high = design.gains["dwell_time"]
     assert low < 0.7
     assert high == 2.0
@@ -121,7 +122,7 @@ def test_in_discrete_time_an_event_is_missing_at_its_longest_time(kind: str) -> 
         "output": {"C": [[1]], "noise_bound": 0.1},
         "observer": {"kind": kind, **({"window": 0.1} if kind == "finite_time" else {})},
     }  # fmt: skip
-    observer: Any = from_design(obsdesign.design(Problem.from_dict(body)))
+    observer: Any = from_design(designed(body))
     t = np.round(np.arange(12) * 0.1, 10)
     is_bounded = kind in {"interval", "set_membership"}
     start = {"lower": [-1], "upper": [1]} if is_bounded else {"x": [0]}

@@ -16,6 +16,7 @@ from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.columns import Batch
 from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.known_inputs import LARGE_U, LARGE_W
+from tests.systems.designs import designed
 
 _STEP = 0.1
 # rows in which the input is beyond its bound of 1
@@ -49,7 +50,7 @@ def _body(kind: str, box: str, jumps: bool = False) -> dict[str, Any]:
 
 @cache
 def _observer(kind: str, box: str, jumps: bool = False) -> Any:
-    design = obsdesign.design(obsdesign.Problem.from_dict(_body(kind, box, jumps)))
+    design = designed(_body(kind, box, jumps))
     return from_design(design)
 
 
@@ -150,7 +151,7 @@ def test_reset_makes_a_stated_box_count_again(kind: str) -> None:
 @pytest.mark.parametrize(("kind", "box"), _CASES)
 @pytest.mark.parametrize("entry", ["input_bound", "jump_input_bound"])
 def test_a_design_holds_the_bounds_of_its_problem(kind: str, box: str, entry: str) -> None:
-    design = obsdesign.design(obsdesign.Problem.from_dict(_body(kind, box, jumps=True)))
+    design = designed(_body(kind, box, jumps=True))
     assert obsdesign.verify(design).verdict == "proved"
     forged = {**design.gains, entry: 10 * np.array(design.gains[entry])}
     assert obsdesign.verify(dataclasses.replace(design, gains=forged)).verdict == "refuted"
@@ -161,7 +162,7 @@ def test_an_input_that_should_be_zero_has_its_effect(kind: str) -> None:
     """Its effect within the bound is zero: a direction that is there all the same."""
     body = _body(kind, "stated")
     body["flow"]["input_bound"] = [0]
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     course = _course(1.0)
     batch = _run(observer, course)
     assert _beyond(batch, course[-1]) <= 1e-6

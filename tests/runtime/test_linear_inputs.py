@@ -10,6 +10,7 @@ import pytest
 import obsdesign
 from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import Sample, from_design
+from tests.systems.designs import designed
 
 A, B = np.array([[0.0, 1.0], [-2.0, -0.5]]), np.array([[0.0], [1.0]])
 C = np.array([[1.0, 0.0]])
@@ -32,7 +33,7 @@ def design(case: tuple[dict[str, Any], dict[str, Any]], with_slope: bool) -> obs
     }
     if observer["kind"] == "impulsive":
         body["jump"] = {"G": jump.tolist(), "dwell_time": [0.3, 0.8]}
-    return obsdesign.design(obsdesign.Problem.from_dict(body))
+    return designed(body)
 
 
 def late_error(case: tuple[dict[str, Any], dict[str, Any]], with_slope: bool) -> float:

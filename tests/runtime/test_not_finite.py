@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval.fleet import Fleet
 from tests.runtime.test_time_stamps import scaled
+from tests.systems.designs import designed
 from tests.systems.time_stamps import MODES, random_case
 
 # pytest turns every warning into an error (pyproject.toml)
@@ -48,7 +48,7 @@ def test_point_estimates_that_overflow(kind: str, size: float) -> None:
 def test_infinite_bounds_of_finite_data_are_not_ok() -> None:
     body = {"flow": {"A": [[0.0, 1.0], [-1.0, 0.0]]}, "output": {"C": [[1, 0]], "measured": "periodic", "period": 0.1, "noise_bound": [0.1]},
             "observer": {"kind": "finite_time", "window": 0.5}}  # fmt: skip
-    observer: Any = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer: Any = from_design(designed(body))
     for size in (1.0, *SIZES):
         state = observer.init(0.0)
         for k in range(12):

@@ -17,6 +17,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design, load
 from obsdesign.runtime.base import Observer, Sample
+from tests.systems.designs import designed
 from tests.systems.discrete_time import turning
 
 LEVEL = {"name": "level", "C": [[1]], "noise_bound": 0.1, "every": 1}
@@ -90,7 +91,7 @@ def test_a_step_has_one_row(
 
 def test_events_of_a_row_keep_their_order() -> None:
     """In another order the load would stand behind the reset: wider than is proved."""
-    observer = from_design(obsdesign.design(Problem.from_dict(two_events())))
+    observer = from_design(designed(two_events()))
     state = observer.init(0.0, lower=[-1], upper=[1])
     state, _ = observer.step(state, Sample(0.0, [0.0]))
     with pytest.raises(ValueError, match="in the order of the design in discrete time"):
@@ -117,7 +118,7 @@ KINDS = ["interval", "set_membership", "luenberger", "finite_time"]
 
 
 def observer_of(kind: str, start: float) -> tuple[Observer, Any]:
-    observer = from_design(obsdesign.design(Problem.from_dict(turning(kind))))
+    observer = from_design(designed(turning(kind)))
     bounds = {"lower": [-1, -1], "upper": [1, 1]}
     bounds = bounds if kind in ("interval", "set_membership") else {}
     return observer, observer.init(start, **bounds)
@@ -145,7 +146,7 @@ def test_stamps_that_are_coarse_beside_a_step_are_refused(kind: str) -> None:
 
 def test_a_record_names_the_line(tmp_path: Path) -> None:
     """Of the first row too, before anything is written; likewise of a second row of a step."""
-    design = obsdesign.design(Problem.from_dict(turning("interval")))
+    design = designed(turning("interval"))
     layout = Layout.from_design(design, from_design(design))
     for rows, words in (
         ("1.7e18,0,0\n", "y.csv line 2: time 1.7e[+]18 is too coarse to count steps"),

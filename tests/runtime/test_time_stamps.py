@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import obsdesign
 from obsdesign.equations.gains import plant_data
 from obsdesign.problem.flow import Flow
 from obsdesign.problem.output import Output
@@ -25,6 +24,7 @@ from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 from obsdesign.runtime.step_cache import shared_length
 from tests.runtime.interval.test_samples import sampled_observer
+from tests.systems.designs import designed
 from tests.systems.interval_runs import observer_for
 from tests.systems.time_stamps import (
     MODES,
@@ -109,7 +109,7 @@ def test_equal_decimal_steps_share_one_length(origin: float, step: float) -> Non
     assert all(len(shared) == 1 for shared in lengths.values())
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(st.floats(5e-324, 1e300), st.floats(1e-300, 1e300))
 def test_no_positive_step_is_rounded_to_zero(part: float, size: float) -> None:
     h = max(min(part, size), math.ulp(size))
@@ -165,7 +165,7 @@ def test_steps_are_regular_on_both_sides_of_zero(origin: float, period: float | 
 def test_a_sample_between_two_periods_is_not_one() -> None:
     body = {"flow": {"A": [[0.0, 2e-5], [-2e-5, 0.0]]}, "output": {"C": [[1, 0]], "measured": "periodic", "period": 4096},
             "observer": {"kind": "finite_time", "window": 5 * 4096, "method": "least_squares"}}  # fmt: skip
-    observer: Any = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer: Any = from_design(designed(body))
     for early, regular in ((0, True), (256, True), (512, False), (2048, False)):
         state = observer.init(EPOCH)
         for k in range(12):
@@ -225,7 +225,7 @@ def scaled(kind: str, step: float) -> Any:
             "period": step,
         }
         body["observer"] |= {"operator": "samples", "window": 20 * step}
-    return from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    return from_design(designed(body))
 
 
 def pulse_response(age: np.ndarray) -> np.ndarray:

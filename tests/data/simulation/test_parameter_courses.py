@@ -16,6 +16,7 @@ from obsdesign.data.simulation.parameter_courses import COURSES, certain_plant
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
+from tests.systems.designs import designed
 from tests.systems.parameters import Body, compartments, degue, rooms, spring
 
 
@@ -119,7 +120,7 @@ def _beyond(design: obsdesign.Design, body: Body, course: str, seed: int) -> flo
 @pytest.mark.parametrize("body", [degue(0.05), rooms(), compartments()])
 def test_bounds_contain_the_state(body: Body) -> None:
     """Whatever the course; a plant of wider ranges leaves the same bounds."""
-    design = obsdesign.design(Problem.from_dict(body))
+    design = designed(body)
     margins = [_beyond(design, body, course, seed) for seed, course in enumerate(COURSES)]
     assert max(margins) <= 1e-9
     wide = copy.deepcopy(body)

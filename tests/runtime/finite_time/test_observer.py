@@ -36,7 +36,7 @@ def random_plant(rng: np.random.Generator, n: int, p: int) -> tuple[Any, Any]:
     return A + rng.uniform(-0.5, 0.5) * np.eye(n), rng.standard_normal((p, n))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 10**6), n=st.integers(1, 6), p=st.integers(1, 3),
     method=st.sampled_from(["least_squares", "exact"]),

@@ -15,7 +15,7 @@ from obsdesign.runtime.impulsive.window import Element, SlidingWindow
 from tests.systems.impulsive import plant_gains
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 6))
 def test_the_queue_is_the_product_of_its_elements(seed: int, length: int) -> None:
     rng = np.random.default_rng(seed)

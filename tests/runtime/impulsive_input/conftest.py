@@ -9,6 +9,7 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import from_design
+from tests.systems.designs import designed
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -20,4 +21,4 @@ def body() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def observer(body: dict[str, Any]) -> Any:
-    return from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    return from_design(designed(body))

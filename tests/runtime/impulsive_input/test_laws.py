@@ -16,6 +16,7 @@ from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.impulsive_input.integral.cells import CellFits
 from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from tests.long.random_impulses import HIDDEN, outcome
+from tests.systems.designs import designed
 from tests.systems.impulsive_input import CHAIN, events_of, observer_of, record, rows_from
 
 TRAIN = ((12.34567, 4.0), (45.5, -5.0), (80.0, 7.0))
@@ -124,7 +125,7 @@ def test_a_threshold_separates_the_weights_whose_largest_features_it_lies_betwee
 ) -> None:
     """|R| of an impulse of weight w reaches |w| max |b| (Mattsson and Medvedev, Section III-C)."""
     body = chain(observer__threshold=threshold, observer__exponents=[-0.65, -0.7, -0.75, -0.8])
-    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    design = designed(body)
     expected = next(c.evidence["approx_expected"] for c in design.claims if c.id == "uniqueness")
     observer = from_design(design)
     t = np.round(0.05 * np.arange(round(60 / 0.05) + 1), 10)
@@ -331,7 +332,7 @@ def reasons(body: dict[str, Any]) -> list[str]:
 
 def test_a_design_is_proved_again_and_survives_its_file(tmp_path: Any) -> None:
     for body in (chain(), chain(output__noise_std=[0.1]), chain(observer__ratio=0.01)):
-        design = obsdesign.design(obsdesign.Problem.from_dict(body))
+        design = designed(body)
         design.save(tmp_path / "design.json")
         again = obsdesign.load_design(tmp_path / "design.json")
         assert obsdesign.verify(again).verdict == "proved"
@@ -373,9 +374,7 @@ def test_one_exponent_leaves_two_answers() -> None:
 
 
 def test_forged_gains_are_seen() -> None:
-    design = obsdesign.design(
-        obsdesign.Problem.from_dict(chain(observer__exponents=[-0.6, -0.7, -0.8, -0.9]))
-    )
+    design = designed(chain(observer__exponents=[-0.6, -0.7, -0.8, -0.9]))
     from dataclasses import replace
 
     for name, value in (

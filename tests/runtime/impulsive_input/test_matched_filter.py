@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import obsdesign
 from obsdesign.runtime import from_design
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.integral.matched_filter import MatchedFilter
 from obsdesign.runtime.impulsive_input.integral.search import NoisyRows, Rule, Search
+from tests.systems.designs import designed
 from tests.systems.impulsive_input import events_of, record, rows_from
 
 NOISE = 0.02
@@ -27,12 +27,12 @@ def events_at(
     """(events, impulses): of that many times the weight, the plant's A off by a part."""
     A, dwell, rng = np.array(plant["A"], float), plant["dwell"], np.random.default_rng(seed)
     H = np.eye(len(A))[:, :1]
-    design = obsdesign.design(obsdesign.Problem.from_dict({
+    design = designed({
         "flow": {"A": A.tolist()}, "jump": {"H": H.tolist(), "dwell_time": [dwell, "inf"]},
         "output": {"C": plant["C"], "measured": "periodic", "period": plant["period"],
                    "noise_std": [NOISE]},
         "observer": {"kind": "impulsive_input", "operator": "integral"},
-    }))  # fmt: skip
+    })  # fmt: skip
     assert design.gains["rule"] == "peak"
     moments = dwell * (1.3 + np.cumsum(rng.uniform(1.2, 1.7, 12)))
     train = [(float(at), times * plant["weight"] * (-1) ** k) for k, at in enumerate(moments)]

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import obsdesign
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.impulsive_input.integral.onsets import valleys
 from obsdesign.runtime.impulsive_input.whitening import log_evidence
+from tests.systems.designs import designed
 from tests.systems.impulsive_input import events_of, observer_of, record, rows_from
 
 ONE = ([[-0.7]], [[1.0]], [[1.0]])
@@ -32,7 +32,7 @@ def plant(matrices: Any, noise: float, period: float, **options: Any) -> dict[st
 
 def errors_of(body: dict[str, Any], count: int, seed: int = 0) -> tuple[np.ndarray, list[Any], str]:
     """(errors of time and weight over their deviations (count, 2), events, operator)."""
-    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    design = designed(body)
     rng, period = np.random.default_rng(seed), body["output"]["period"]
     moments = np.cumsum(8 * (1.05 + rng.exponential(0.2, count)))
     weights = rng.uniform(0.5, 2, count)
@@ -111,7 +111,7 @@ def test_the_evidence_of_an_onset_is_that_over_all_sizes_of_a_weight(response: f
 
 def test_a_dwell_time_is_not_short_by_what_samples_do_not_show() -> None:
     body = plant(ONE, 0.001, 0.5, operator="integral")
-    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    design = designed(body)
     for onsets in ((9.49, 17.49, 25.49, 33.49), (9.49, 17.51, 25.51, 33.52)):
         t = 0.5 * np.arange(100)
         y = record(body["flow"]["A"], [[1.0]], [(at, 1.0) for at in onsets], t, [0])
@@ -173,7 +173,7 @@ def test_valleys_of_the_cost_are_apart_by_ridges(cost: list[float], borders: lis
 def test_doubtful_impulses_one_after_another_mark_the_same_rows_in_parts(operator: str) -> None:
     """With noise that is stated too small every impulse has a doubt."""
     body = plant(BESIDE, 0.003, 0.25, operator=operator)
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     rng = np.random.default_rng(0)
     moments = np.cumsum(8 * (1.02 + rng.exponential(0.1, 6)))
     t = 0.25 * np.arange(240)
@@ -194,7 +194,7 @@ def test_coarse_time_stamps_blur_times_alone(ulps: int) -> None:
     body["flow"]["A"] = (np.array(BESIDE[0]) * 0.25 / period).tolist()
     body["jump"]["dwell_time"] = [32 * period, "inf"]
     body["output"]["period"] = period
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     A, H, C = (np.array(body[a][b]) for a, b in (("flow", "A"), ("jump", "H"), ("output", "C")))
     steps, moments = np.arange(200), [30.37 * period, 81.81 * period, 140.45 * period]
     x = record(A, H, [(at, 1.0) for at in moments], period * steps, np.zeros(2))

@@ -13,6 +13,7 @@ import pytest
 import obsdesign
 from obsdesign.equations.impulsive_input.output_units import output_units
 from obsdesign.runtime import from_design
+from tests.systems.designs import designed
 from tests.systems.impulsive_input import CHAIN, events_of, record, rows_from
 
 # two coupled oscillators, y: both positions
@@ -46,7 +47,7 @@ def pair(units: tuple[float, float], noise: str, **options: Any) -> Any:
     if "threshold" in options:  # of |R| in units of noise, or of what an impulse leaves
         options["threshold"] = 150.0 if noise else 0.3
     body["observer"] |= options
-    return obsdesign.design(obsdesign.Problem.from_dict(body))
+    return designed(body)
 
 
 def found(design: Any, units: tuple[float, float], noise: str) -> list[Any]:
@@ -123,7 +124,7 @@ def test_designs_without_units_still_verify() -> None:
 
 
 def test_one_output_has_no_units() -> None:
-    design = obsdesign.design(obsdesign.Problem.from_dict(CHAIN))
+    design = designed(CHAIN)
     assert "output_units" not in design.gains
     forged = replace(design, gains={**design.gains, "output_units": np.ones(1)})
     claims = {claim.id: claim.verdict for claim in obsdesign.verify(forged).claims}
@@ -138,12 +139,12 @@ LEVELS = ((7.02, 1.0), (14.51, 0.01), (22.33, 1.0), (30.01, 0.5), (38.99, 2.0), 
 def test_an_output_that_the_chosen_gain_hides_brings_no_error_of_sampling(second: int) -> None:
     """K leaves 1e-4 and 2e-5 of an impulse in y1, as much as lines between samples do."""
     C = np.eye(3)[[2, second]]
-    design = obsdesign.design(obsdesign.Problem.from_dict({
+    design = designed({
         "flow": {"A": TANKS.tolist()},
         "jump": {"H": [[1], [0], [0]], "dwell_time": [6, "inf"]},
         "output": {"C": C.tolist(), "measured": "periodic", "period": 0.05},
         "observer": {"kind": "impulsive_input", "operator": "integral"},
-    }))  # fmt: skip
+    })  # fmt: skip
     t = np.round(0.05 * np.arange(1200), 2)
     y = record(TANKS, [[1.0], [0], [0]], LEVELS, t, np.zeros(3)) @ C.T
     events = events_of(rows_from(from_design(design), t, y))

@@ -21,6 +21,7 @@ from obsdesign.runtime.impulsive_input.samples.filter import Row, SampledPlant
 from obsdesign.synthesis.impulsive_input import candidates as synthesis
 from obsdesign.verification.impulsive_input import claims as verification
 from obsdesign.verification.impulsive_input.samples import sampled_claims
+from tests.systems.designs import designed
 from tests.systems.impulsive_input import events_of, record
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -62,7 +63,7 @@ def test_an_outlier_at_any_row_leaves_all_rows_finite(observer: Any, size: float
 
 
 @given(st.integers(0, 10**6), st.sampled_from([0, 30, 60, 90]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_the_filter_of_a_covariance_however_large_is_that_of_least_squares(
     seed: int, decades: int
 ) -> None:
@@ -115,7 +116,7 @@ def test_an_onset_between_samples_is_exact_without_noise(
 ) -> None:
     quiet = copy.deepcopy(body)
     quiet["output"] |= {"noise_std": [1e-4], "noise_cv": [0.0]}
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(quiet)))
+    observer = from_design(designed(quiet))
     t = 10.0 * np.arange(30)
     drift = np.array(quiet["flow"]["disturbance"]["lower"])
     x = record(quiet["flow"]["A"], quiet["jump"]["H"], [(onset, 1.8)], t, [0.1, 1.5], drift)
@@ -171,7 +172,7 @@ def test_one_compartment_shows_only_the_interval_of_an_onset() -> None:
         "output": {"C": [[1]], "measured": "periodic", "period": 10, "noise_cv": [0.01]},
         "observer": {"kind": "impulsive_input", "operator": "samples"},
     }  # fmt: skip
-    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    design = designed(body)
     claim = next(claim for claim in design.claims if claim.id == "uniqueness")
     assert "determine that an impulse came in its first interval" in claim.statement
     t = 10.0 * np.arange(30)
@@ -204,7 +205,7 @@ def test_an_output_of_zero_with_proportional_noise_is_not_exact(body: dict[str, 
     still = copy.deepcopy(body)
     still["output"] |= {"noise_std": [0.0], "noise_cv": [0.1]}
     del still["flow"]["disturbance"]
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(still)))
+    observer = from_design(designed(still))
     t = 10.0 * np.arange(30)
     assert not observer.run_batch(t, np.zeros((30, 1))).events
     x = record(still["flow"]["A"], still["jump"]["H"], [(104.0, 2.0)], t, [0.0, 0.0])
@@ -249,7 +250,7 @@ def depot_record(unit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("missing", [(16, 17, 18), (17, 18, 19), (17, 18, 19, 20), (31, 32, 33)])
 def test_rows_that_are_missing_after_an_impulse_leave_numbers(missing: tuple[int, ...]) -> None:
     """Onsets that no sample sees are ruled out, not undefined."""
-    design = obsdesign.design(obsdesign.Problem.from_dict(DEPOT))
+    design = designed(DEPOT)
     t, y = depot_record()
     y[list(missing)] = np.nan
     rows = list(from_design(design).run(from_design(design).init(0.0), rows_of(t, y)))
@@ -271,7 +272,7 @@ def test_the_unit_of_time_does_not_matter(bits: int) -> None:
     body["output"]["period"] = 10 * unit
     events = []
     for problem, time in ((DEPOT, 1.0), (body, unit)):
-        design = obsdesign.design(obsdesign.Problem.from_dict(problem))
+        design = designed(problem)
         t, y = depot_record(time)
         events.append(events_in(from_design(design), t, y))
     for ours, scaled in zip(*events, strict=True):

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import obsdesign
 from obsdesign.equations.impulsive_input.gains import gains_from_document
 from obsdesign.errors import InputError
 from obsdesign.runtime import from_design
 from obsdesign.runtime.impulsive_input.integral.matched_filter import MatchedFilter
+from tests.systems.designs import designed
 from tests.systems.impulsive_input import events_of, observer_of, record, rows_from
 
 # a chain of tanks, y: the levels of the second and third
@@ -42,7 +42,7 @@ def body_of(plant: dict[str, Any], noise: tuple[float, ...], outputs: Any, **mor
 
 
 def design_of(body: dict[str, Any]) -> Any:
-    return obsdesign.design(obsdesign.Problem.from_dict(body))
+    return designed(body)
 
 
 @cache

@@ -17,6 +17,7 @@ from obsdesign.runtime.impulsive_input.event import FAINT, Event
 from obsdesign.runtime.impulsive_input.history import History
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER
+from tests.systems.designs import designed
 from tests.systems.impulsive_input import events_of, record, rows_from
 
 CHAIN = ([[-1.0, 0.0, 0.0], [1.0, -0.4, 0.0], [0.0, 0.4, -0.05]], [[0.0, 0.0, 1.0]])
@@ -40,7 +41,7 @@ def errors(
         "output": {"C": C, "measured": "periodic", "period": 0.5, "noise_std": [0.02]},
         "observer": {"kind": "impulsive_input", "operator": "samples", "window": window},
     }  # fmt: skip
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     onsets = dwell * (0.5 + np.arange(1, 41)) * 1.3 + rng.uniform(0, 0.25 * dwell, 40)
     sizes = rng.choice([-1, 1], 40) * rng.uniform(*weights, 40)
     t = 0.5 * np.arange(int(2 * (onsets[-1] + 2 * dwell)))
@@ -106,7 +107,7 @@ def test_rows_far_closer_together_than_the_period(step: float) -> None:
         "output": {"C": [[-0.24]], "noise_std": [0.02], "measured": "periodic", "period": 0.2},
         "observer": {"kind": "impulsive_input"},
     }  # fmt: skip
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     y = -0.24 + 0.02 * np.random.default_rng(0).standard_normal(60)
     y[35:] -= 0.3  # an impulse
     rows = [Sample(k * step, np.array([value])) for k, value in enumerate(y)]
@@ -126,13 +127,13 @@ def test_impulses_that_the_largest_deviation_of_features_covers_are_evaluated(
 ) -> None:
     """Rule `peak`: |R| of ten deviations of the impulse is six of its worst direction."""
     A, H, dwell, noise = np.array(ROTOR["A"]), [[1.0], [0]], ROTOR["dwell"], ROTOR["noise"]
-    design = obsdesign.design(obsdesign.Problem.from_dict({
+    design = designed({
         "flow": {"A": A.tolist()}, "jump": {"H": H, "dwell_time": [dwell, "inf"]},
         "output": {"C": [[0, 1]], "measured": "periodic", "period": ROTOR["period"],
                    "noise_std": [noise]},
         "observer": {"kind": "impulsive_input", "operator": "integral", "exponents": CLOSE,
                      "weighting": weighting},
-    }))  # fmt: skip
+    })  # fmt: skip
     assert design.gains["rule"] == "peak"
     rng = np.random.default_rng(0)
     moments = dwell * (1.3 + np.cumsum(rng.uniform(1.2, 1.7, 6)))
@@ -153,11 +154,11 @@ def test_an_impulse_far_above_the_threshold_is_evaluated_once_it_is_old_enough(
 ) -> None:
     """It is above it while it is younger than the margin by a part of a period."""
     A, H, dwell, noise = np.array([[-2.46, 0], [2.46, -0.25]]), [[1.0], [0]], 11.3, 0.012
-    design = obsdesign.design(obsdesign.Problem.from_dict({
+    design = designed({
         "flow": {"A": A.tolist()}, "jump": {"H": H, "dwell_time": [dwell, "inf"]},
         "output": {"C": [[0, 1]], "measured": "periodic", "period": 0.119, "noise_std": [noise]},
         "observer": {"kind": "impulsive_input", "operator": "integral", "smallest_weight": 0.56},
-    }))  # fmt: skip
+    })  # fmt: skip
     rng = np.random.default_rng(0)
     moments = dwell * (1.3 + np.cumsum(rng.uniform(1.2, 1.7, 6)))
     t = np.arange(0, moments[-1] + 2 * dwell, 0.119)

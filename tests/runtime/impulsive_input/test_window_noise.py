@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import obsdesign
 from obsdesign.equations.impulsive_input.features import window_taps
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event
@@ -17,6 +16,7 @@ from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.window_noise import Responses
 from obsdesign.runtime.impulsive_input.whitening import raw_taps
 from tests.runtime.impulsive_input.test_onsets import errors_of
+from tests.systems.designs import designed
 
 # a default K that colours the noise of a window, and one that does as stated poles have it
 COLOURED: dict[str, Any] = {
@@ -41,7 +41,7 @@ LAMBDAS = np.array([-1.5, -0.4])
 
 
 def run_of(body: dict[str, Any]) -> FreeRun:
-    gains = obsdesign.design(obsdesign.Problem.from_dict(body)).gains
+    gains = designed(body).gains
     return FreeRun.from_gains(IntegralGains.from_document(gains))
 
 

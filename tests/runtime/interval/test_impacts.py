@@ -12,6 +12,7 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import Bounds, Sample, from_design
+from tests.systems.designs import designed
 
 PAGE = Path(__file__).parents[3] / "docs" / "interval.md"
 
@@ -88,7 +89,7 @@ def estimates_of(samples: list[Sample], room: float) -> list[Any]:
         "lower": [-position, -0.5 - velocity], "upper": [position, 0.5 + velocity]
     }  # fmt: skip
     body["output"]["noise_bound"] = [position]
-    observer: Any = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer: Any = from_design(designed(body))
     start = observer.init(0.0, lower=[4.9, -0.1], upper=[5.1, 0.1])
     return list(observer.run(start, samples))
 

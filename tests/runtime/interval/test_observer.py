@@ -31,7 +31,7 @@ from tests.systems.interval_runs import (
 )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_state_never_leaves_its_bounds(seed: int) -> None:
     assert random_run(seed).violation() <= SIMULATION_ROUNDING
@@ -170,7 +170,7 @@ def test_stream_batch_and_loop_agree() -> None:
         assert stream[k].status == loop[k].status == batch.status[k]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_larger_box_gives_larger_bounds(seed: int) -> None:
     rng = np.random.default_rng(seed)

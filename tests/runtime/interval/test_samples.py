@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-import obsdesign
 from obsdesign.data.simulation import simulate
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
@@ -24,6 +23,7 @@ from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.columns import collect
 from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.interval.observer import IntervalObserver
+from tests.systems.designs import designed
 from tests.systems.interval_runs import (
     DISTURBANCES,
     SIMULATION_ROUNDING,
@@ -76,7 +76,7 @@ def sampled_run(seed: int) -> float:
     return execute(observer, record, x, rng, 0.1).violation()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_samples_as_events_never_lose_the_state(seed: int) -> None:
     assert sampled_run(seed) <= SIMULATION_ROUNDING
@@ -226,7 +226,7 @@ def test_a_fleet_is_its_plants(measured: str, with_S: bool) -> None:
         body = {"flow": {"A": A.tolist(), "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}},
                 "output": {"C": [[0, 1]], "noise_bound": [0.03], "measured": measured, "period": 0.1},
                 "observer": {"kind": "interval", "gains": {"L": [[0], [0.5]], "S": [[0, 2], [1, 1]]}}}  # fmt: skip
-        design = obsdesign.design(obsdesign.Problem.from_dict(body))
+        design = designed(body)
         observer = IntervalObserver.from_gains(design.gains)
     plants, rng = 9, np.random.default_rng(3)
     fleet, centre = Fleet((observer,) * plants), rng.standard_normal((2, plants))

@@ -15,6 +15,7 @@ from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.state_box import SizeStep
 from obsdesign.workflow import investigate, verify
+from tests.systems.designs import designed
 
 _RATE = 0.3
 
@@ -100,7 +101,7 @@ def test_a_jump_too_early_ends_what_counts_on_the_box() -> None:
 
 def test_the_stated_box_counts_from_the_start() -> None:
     body = _body(False) | {"state": {"lower": [-1, -1], "upper": [1, 1]}}
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     assert observer.gains.state_tube is None
     assert observer.init(0.0, lower=[0, 0], upper=[9, 9]).largest is None
 
@@ -141,7 +142,7 @@ def test_steps_batches_and_fleets_agree_on_when_it_holds() -> None:
 
 
 def test_a_larger_tube_in_the_file_is_refuted() -> None:
-    design = obsdesign.design(obsdesign.Problem.from_dict(_body(False)))
+    design = designed(_body(False))
     assert verify(design).verdict == "proved"
     gains = {**design.gains, "state_tube": [10.0, 10.0]}
     assert verify(dataclasses.replace(design, gains=gains)).verdict == "refuted"

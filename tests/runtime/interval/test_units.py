@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import obsdesign
 from obsdesign.problem.flow import Flow
 from obsdesign.problem.output import Output
 from obsdesign.problem.plant import Jump, Plant
 from obsdesign.runtime import Sample, from_design
+from tests.systems.designs import designed
 from tests.systems.interval_runs import observer_for
 
 A, G = np.array([[-0.23, 0.4], [-0.3, -0.74]]), np.array([[-0.35, -0.7], [0.6, -0.63]])
@@ -39,7 +39,7 @@ def bounds(states: Any, outputs: Any, h: float) -> tuple[np.ndarray, np.ndarray]
     return lower, upper
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(
     powers=st.tuples(*[st.integers(-60, 60)] * 4), h=st.sampled_from([0.01, 0.3, 1.3, 6.0, 30.0])
 )
@@ -66,7 +66,7 @@ TANKS = {
 
 @pytest.mark.parametrize("h", [4000.0, 5000.0, 5488.858815315764, 5600.0, 6000.0])
 def test_a_claimed_width_holds_in_any_units(h: float) -> None:
-    design = obsdesign.design(obsdesign.Problem.from_dict(TANKS))
+    design = designed(TANKS)
     (claim,) = (claim for claim in design.claims if claim.id == "sampled_width")
     width = np.array(claim.evidence["always"])
     observer = from_design(design)

@@ -17,6 +17,7 @@ from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Estimate, Sample, rows_of
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from tests.systems.clocks import DOSES
+from tests.systems.designs import designed
 
 # what the search for multipliers may leave of the width, for records with other samples
 _SEARCHED = 0.02
@@ -25,7 +26,7 @@ _START = {"lower": np.full(3, -2.0), "upper": np.full(3, 2.0)}
 
 def observer_of(body: dict[str, Any], window: int = 8) -> SetMembershipObserver:
     body = {**body, "observer": {"kind": "set_membership", "window": window, "steps": 30}}
-    observer = from_design(obsdesign.design(Problem.from_dict(body)))
+    observer = from_design(designed(body))
     assert isinstance(observer, SetMembershipObserver)
     return observer
 
@@ -172,7 +173,7 @@ def test_an_event_that_the_plant_has_not_is_refused(events: tuple[int, ...]) -> 
 
 @pytest.mark.parametrize("change", [{"sees": "after"}, {"outputs": 2}])
 def test_gains_of_another_clock_are_refuted(change: dict[str, Any]) -> None:
-    design = obsdesign.design(Problem.from_dict(DOSES))
+    design = designed(DOSES)
     sensors = [dict(sensor) for sensor in design.gains["sensors"]]
     sensors[0] |= change
     forged = replace(design, gains={**design.gains, "sensors": sensors})

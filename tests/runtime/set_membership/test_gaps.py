@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import obsdesign
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Estimate, Sample
@@ -16,6 +15,7 @@ from obsdesign.runtime.set_membership.recovery import bounds_from_samples
 from obsdesign.runtime.set_membership.series import FlowSeries
 from obsdesign.runtime.set_membership.stages import window_of
 from obsdesign.runtime.set_membership.tables import Tables
+from tests.systems.designs import designed
 from tests.systems.nominal_patterns import body_of
 from tests.systems.set_membership import Case, cases, flow_integral, observer_of
 
@@ -122,7 +122,7 @@ def test_the_certified_width_holds_where_jumps_make_a_state_uselessly_wide(
                    "measured": "periodic", "jump_measurement": seen},
         "observer": {"kind": "set_membership", "window": 16},
     }  # fmt: skip
-    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    design = designed(body)
     width = next(c for c in design.claims if c.id == "width")
     observer = from_design(design)
     hidden = 3 if seen == "none" else 100
@@ -151,7 +151,7 @@ def test_the_certified_width_holds_where_jumps_make_a_state_uselessly_wide(
 def test_a_jump_stands_in_for_the_sample_that_it_hides(jump: float, last: str) -> None:
     body = body_of("degue", 0.5, [0.1, "inf"], window=6)
     body["output"]["jump_measurement"] = "none"
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     y = np.zeros(1)
     rows = [Sample(0.0, y), Sample(jump, jump=True), Sample(1.0, y)]
     start = observer.init(0.0, lower=-np.ones(2), upper=np.ones(2))

@@ -22,6 +22,7 @@ from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.bounds import Bounds
 from tests.long.input_bounds import violations
 from tests.systems.clocks import DOSES
+from tests.systems.designs import designed
 
 # theory: 2V (1 + e^-T)/(1 - e^-T) + rate T at its least, and the linear program over all data
 TWO_SAMPLES, LEAST = 0.2843, 0.2768
@@ -40,7 +41,7 @@ def filtered(**changes: Any) -> dict[str, Any]:
 
 
 def observer_of(body: dict[str, Any]) -> Any:
-    return from_design(obsdesign.design(Problem.from_dict(body)))
+    return from_design(designed(body))
 
 
 def last(body: dict[str, Any], rows: int = 60, step: float = 0.04, **row: Any) -> Any:
@@ -69,10 +70,10 @@ def test_a_slower_input_is_known_better_and_a_free_one_not_at_all() -> None:
     assert np.diff(still, axis=0) < np.diff(slow, axis=0)
     body = filtered()
     del body["flow"]["d_bounds"]["rate"]
-    design = obsdesign.design(Problem.from_dict(body))
+    design = designed(body)
     assert from_design(design).names == ("x1_lo", "x1_hi")
     assert any("a short spike of d leaves no trace" in text for text in design.warnings)
-    rated = obsdesign.design(Problem.from_dict(filtered()))
+    rated = designed(filtered())
     assert not any("spike" in text for text in rated.warnings)
     assert any("The bounds of d contain" in g.statement for g in rated.guarantees)
 
@@ -192,7 +193,7 @@ def test_an_interval_observer_takes_d_along_its_columns() -> None:
         disturbance={"lower": [0, -1], "upper": [0.5, 1]},
     )  # fmt: skip
     boxed = two_tanks(disturbance={"lower": [-0.5, -1.5], "upper": [0.75, 2]})
-    own, other = (obsdesign.design(Problem.from_dict(body)) for body in (bounded, boxed))
+    own, other = (designed(body) for body in (bounded, boxed))
     assert all(claim.verdict == "proved" for claim in own.claims)
     assert own.gains["disturbance_matrix"].tolist() == [[1, 0, 1], [0, 1, -2]]
     always, of_box = (
@@ -204,7 +205,7 @@ def test_an_interval_observer_takes_d_along_its_columns() -> None:
     free = copy.deepcopy(bounded)
     del free["flow"]["d_bounds"]
     with pytest.raises(InputError, match=r"Give bounds as flow\.d_bounds"):
-        obsdesign.design(Problem.from_dict(free))
+        designed(free)
 
 
 def test_columns_of_b_do_not_narrow_what_d_adds(
@@ -212,7 +213,7 @@ def test_columns_of_b_do_not_narrow_what_d_adds(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     body = two_tanks(D=[[1], [0]], d_bounds={"lower": [-0.5], "upper": [0.5]})
-    obsdesign.design(Problem.from_dict(body)).save("d.json")
+    designed(body).save("d.json")
     for name, ends in (("a", ""), ("b", ",0,0")):
         titles = "t,y1" + (",b1_lo,b1_hi" if ends else "")
         rows = "\n".join(f"{0.1 * k:.1f},0{ends}" for k in range(9))
@@ -228,9 +229,9 @@ def test_an_observer_of_d_needs_no_bounds_and_keeps_its_gains() -> None:
     body = obsdesign.load_problem(
         Path(__file__).parents[3] / "examples" / "ahn_1.toml"
     ).to_dict()  # fmt: skip
-    plain = obsdesign.design(Problem.from_dict(body))
+    plain = designed(body)
     body["flow"]["d_bounds"] = {"lower": [1.0, -1.0], "upper": [3.0, 1.0]}
-    own = obsdesign.design(Problem.from_dict(body))
+    own = designed(body)
     assert jsonable(own.gains) == jsonable(plain.gains)
 
 
@@ -288,7 +289,7 @@ def test_every_command_knows_bounds_of_d(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_changed_bounds_of_d_are_refuted() -> None:
-    design = obsdesign.design(Problem.from_dict(filtered()))
+    design = designed(filtered())
     for name in ("d_lower", "d_upper", "d_rate", "D"):
         value = np.asarray(design.gains[name]) * 0.9
         changed = obsdesign.workflow.verify(_with(design, name, value.tolist()))

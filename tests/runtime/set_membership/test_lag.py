@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import obsdesign
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
+from tests.systems.designs import designed
 from tests.systems.set_membership import flow_integral
 
 LAG, ROWS, STEP = 3, 14, 0.25
@@ -27,7 +27,7 @@ def _observer(noise: float, *, window: int = 8, jump: bool = False) -> SetMember
     }
     if jump:
         body["jump"] = {"G": G.tolist(), "dwell_time": [STEP, STEP]}
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     assert isinstance(observer, SetMembershipObserver)
     return observer
 

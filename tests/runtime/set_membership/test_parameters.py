@@ -19,6 +19,7 @@ from obsdesign.runtime import from_design
 from obsdesign.runtime.columns import Batch
 from obsdesign.runtime.set_membership.stages import Stage
 from obsdesign.runtime.set_membership.uncertain_observer import UncertainSetMembershipObserver
+from tests.systems.designs import designed
 from tests.systems.parameters import Body, compartments, degue, rooms, spring
 
 
@@ -60,7 +61,7 @@ def random_plant(seed: int) -> Body:
 
 def bounded(body: Body, run: Simulation, initial: Matrix, radius: float) -> Batch:
     """Bounds of a record by a design of a problem."""
-    observer = from_design(obsdesign.design(Problem.from_dict(body)))
+    observer = from_design(designed(body))
     blocks: dict[str, Any] = {
         letter: run.block(letter) for letter in ("u", "w") if run.block(letter).shape[1]
     }
@@ -146,7 +147,7 @@ def test_effects_of_a_step_are_bounded_by_what_they_are(seed: int) -> None:
     """An oracle that integrates: the largest row along many courses is within the bound."""
     rng = np.random.default_rng(seed)
     body = random_plant(seed)
-    observer = from_design(obsdesign.design(Problem.from_dict(body)))
+    observer = from_design(designed(body))
     assert isinstance(observer, UncertainSetMembershipObserver)
     effects, model, plant = observer._effects, observer._model, Problem.from_dict(body).plant
     h, u, n = 0.1, np.array([0.7]), plant.n
@@ -237,7 +238,7 @@ def test_a_width_counts_the_effects_in_the_box() -> None:
         widths.append(width.evidence["always"])
         assert ("optimal" in [claim.id for claim in outcome.claims]) == bool(keys)
     assert np.all(np.array(widths[0]) > 1.2 * np.array(widths[1]))
-    design = obsdesign.design(Problem.from_dict(body))
+    design = designed(body)
     forged = dict(design.gains) | {"flow_effect": 0.5 * design.gains["flow_effect"]}
     outcome = obsdesign.verify(obsdesign.Design(**{**vars(design), "gains": forged}))
     assert outcome.verdict == "refuted"
@@ -248,7 +249,7 @@ def test_rates_of_inputs_are_refused_and_gains_of_another_plant() -> None:
     body["flow"] |= {"D": [[0], [1]], "d_bounds": {"lower": [-1], "upper": [1], "rate": [1]}}
     with pytest.raises(DoesNotApply, match=r"flow\.d_bounds\.rate is not available with param"):
         obsdesign.investigate(Problem.from_dict(body))
-    design = obsdesign.design(Problem.from_dict(_of_kind(spring())))
+    design = designed(_of_kind(spring()))
     forged = {**design.gains, "effects": []}
     with pytest.raises(InputError, match="gains: effects differ from problem"):
         from_design(obsdesign.Design(**{**vars(design), "gains": forged}))

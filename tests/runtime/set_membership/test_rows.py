@@ -21,6 +21,7 @@ from obsdesign.runtime.progress import Progress
 from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.set_membership.tape import strip_cut
 from obsdesign.runtime.stored_state import progress_from_text, state_text
+from tests.systems.designs import designed
 from tests.systems.set_membership import Case, bounds_of, cases, observer_of
 
 CASES = cases()
@@ -271,7 +272,7 @@ def test_entries_that_do_not_fit_are_refused(changes: dict[str, Any], words: str
 def test_bounds_of_the_noise_are_required() -> None:
     blocks = {**PLANT, "output": {"C": [[0.3, 1.0]]}}
     with pytest.raises(DoesNotApply, match="noise_bound is required by kind 'set_membership'"):
-        obsdesign.design(Problem.from_dict(blocks))
+        designed(blocks)
 
 
 def test_a_normal_form_keeps_the_disturbance_matrix() -> None:

@@ -13,6 +13,7 @@ import obsdesign
 from obsdesign.data.simulation import simulate
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
+from tests.systems.designs import designed
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PERIOD, SIGMA = 0.1, 0.01
@@ -26,7 +27,7 @@ def observer(lag: int | None = 4, differentiator: str | None = "fixed_lag", **ou
         body["observer"]["differentiator"] = differentiator
         if lag is not None and differentiator == "fixed_lag":
             body["observer"]["lag"] = lag
-    return from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    return from_design(designed(body))
 
 
 def record(
@@ -145,7 +146,7 @@ def test_a_design_of_before_the_choice_still_verifies() -> None:
     body = obsdesign.load_problem(EXAMPLES / "ahn_1.toml").to_dict()
     body["output"]["noise_std"] = [SIGMA, SIGMA]
     body["observer"]["differentiator"] = "cell"
-    made = obsdesign.design(obsdesign.Problem.from_dict(body)).to_dict()
+    made = designed(body).to_dict()
     del made["problem"]["observer"]["differentiator"]
     assert verdict(made) == "proved"
     made["gains"]["differentiator"] = "slow"
@@ -172,7 +173,7 @@ def test_refusals(options: dict[str, Any], message: str) -> None:
     body["observer"].pop("differentiator", None)
     body["observer"] |= options
     with pytest.raises(obsdesign.InputError) as caught:
-        obsdesign.design(obsdesign.Problem.from_dict(body))
+        designed(body)
     assert str(caught.value) == message
 
 

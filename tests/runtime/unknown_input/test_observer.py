@@ -13,6 +13,7 @@ import obsdesign
 from docs.figures import block_pulse
 from obsdesign.data.simulation import simulate
 from obsdesign.runtime import Sample, from_design
+from tests.systems.designs import designed
 from tests.systems.unknown_input import (
     plant_with_zeros,
     random_plant,
@@ -95,7 +96,7 @@ def test_known_inputs_leave_no_error(inputs: int) -> None:
 def test_a_stream_is_a_batch_and_a_state_can_be_kept(differentiator: str) -> None:
     body = random_problem().to_dict()
     body["observer"]["differentiator"] = differentiator
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     rng = np.random.default_rng(2)
     t = np.cumsum(rng.uniform(0.05, 0.2, 30))
     y, u = rng.standard_normal((30, 3)), rng.standard_normal((30, 2))

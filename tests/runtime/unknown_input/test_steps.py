@@ -9,6 +9,7 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import from_design
+from tests.systems.designs import designed
 from tests.systems.unknown_input import random_problem
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -17,7 +18,7 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 def test_steps_that_ring_say_so() -> None:
     body = random_problem(1).to_dict()
     body["observer"]["poles"] = [-1, -2, -40]
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     t = np.array([0.0, 0.04, 0.08, 0.2])
     batch = observer.run_batch(t, np.zeros((4, 3)))
     assert batch.status == ("ok", "ok", "ok", "sampling time 0.12 above 0.05 = 2/|f|")
@@ -53,7 +54,7 @@ def test_irregular_periods_need_no_matrix_of_their_own(differentiator: str) -> N
     """A step that is solved agrees with one by its matrix, and what ran before changes nothing."""
     body = random_problem().to_dict()
     body["observer"]["differentiator"] = differentiator
-    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    observer = from_design(designed(body))
     rng = np.random.default_rng(5)
     y, u = rng.standard_normal((60, 3)), rng.standard_normal((60, 2))
     t = np.cumsum(rng.uniform(0.05, 0.15, 60))
