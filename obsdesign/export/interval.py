@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries
@@ -46,28 +48,15 @@ def interval_program(entries: Entries, target: Precision, steps: Steps) -> Progr
 
     still = kernels.still
     first = _STILL if period is None else _PERIODIC
-    flows = [
-        tables.flow({mode: _product(still[name], sizes, sizes.m) for mode, name in first.items()})
-    ]
-    through: list[int | None] = [None]
+    flows, through = [_flow(still, first, sizes, tables)], list[int | None]([None])
     for length in steps.listed(period):
         enclosed = _enclosed(length, target, steps.error)
         of_step = kernels.built(*enclosed)
         if has_through:
             both = _through_jump(kernels, of_step.box_map("none"), *enclosed)
             through.append(tables.place(_product(both, sizes, sizes.m + sizes.l)))
-        flows.append(
-            tables.flow(
-                {mode: _product(of_step[name], sizes, sizes.m) for mode, name in names.items()}
-            )
-        )
-    jumps: tuple[tuple[int, int], ...] = ()
-    if gains.G is not None:
-        plain = tables.place(_jump_product(kernels.jumps[False], sizes))
-        corrected = kernels.jumps.get(True)
-        jumps = (
-            (plain, plain if corrected is None else tables.place(_jump_product(corrected, sizes))),
-        )
+        flows.append(_flow(of_step, names, sizes, tables))
+    jumps = () if gains.G is None else (_jumps(kernels, sizes, tables),)
     again = None
     if period is not None and gains.jump_measurement == "after":
         again = tables.place(_product(still["sampled"], sizes, sizes.m))
@@ -84,6 +73,22 @@ def interval_program(entries: Entries, target: Precision, steps: Steps) -> Progr
         "interval", target, sizes, tuple(tables.products), tuple(flows), jumps, again, place,
         timing, rules, through=tuple(through) if has_through else (),
     )  # fmt: skip
+
+
+def _flow(
+    kernels: Mapping[str, Kernel], names: Mapping[str, str], sizes: Sizes, tables: Tables
+) -> Entries:
+    """Places of the products of a step, for each way in which it is measured."""
+    return tables.flow(
+        {mode: _product(kernels[name], sizes, sizes.m) for mode, name in names.items()}
+    )
+
+
+def _jumps(kernels: StepKernels, sizes: Sizes, tables: Tables) -> tuple[int, int]:
+    """Places of the products of a jump: without a measurement, and with one where it is used."""
+    plain = tables.place(_jump_product(kernels.jumps[False], sizes))
+    corrected = kernels.jumps.get(True)
+    return plain, plain if corrected is None else tables.place(_jump_product(corrected, sizes))
 
 
 def _enclosed(length: float, target: Precision, relative: float) -> tuple[float, float]:

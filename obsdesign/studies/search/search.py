@@ -117,29 +117,42 @@ def require_search(
         require_parameters(problem)
         require_accuracy(accuracy)
         return
-    if problem.plant.parameters and kind == "luenberger":
-        raise InputError(
-            f"--for {what} is not available for kind 'luenberger' with parameters in this version."
-        )
-    if problem.plant.parameters and problem.plant.state is None:
-        raise InputError(
-            f"--for {what} requires [state] with parameters, since a box that is proved from the "
-            "plant holds for its own dwell times; it is missing."
-        )
-    if problem.plant.flow.dt is not None:
-        raise InputError(f"--for {what} is not available with flow.dt in this version.")
+    _require_known_plant(problem, what)
     if kind == "finite_time" and what in PERIOD_SEARCHES:
         return
     if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
         raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
-    if modes:
-        require_accuracy(accuracy)
-        for event in problem.plant.events:
-            if not np.array_equal(event.G, np.eye(problem.plant.n)):
-                raise InputError(
-                    f"--for {what} is not available with {event.entry}.G other than the identity."
-                )
-        return
+    require_accuracy(accuracy)
+    (_require_stays if modes else _require_dwell_times)(problem, what)
+
+
+def _require_known_plant(problem: Problem, what: str) -> None:
+    """InputError for parameters and discrete time where no search takes them."""
+    plant = problem.plant
+    if plant.parameters and problem.kind == "luenberger":
+        raise InputError(
+            f"--for {what} is not available for kind 'luenberger' with parameters in this version."
+        )
+    if plant.parameters and plant.state is None:
+        raise InputError(
+            f"--for {what} requires [state] with parameters, since a box that is proved from the "
+            "plant holds for its own dwell times; it is missing."
+        )
+    if plant.flow.dt is not None:
+        raise InputError(f"--for {what} is not available with flow.dt in this version.")
+
+
+def _require_stays(problem: Problem, what: str) -> None:
+    """InputError for events that change the state beside stays in modes."""
+    for event in problem.plant.events:
+        if not np.array_equal(event.G, np.eye(problem.plant.n)):
+            raise InputError(
+                f"--for {what} is not available with {event.entry}.G other than the identity."
+            )
+
+
+def _require_dwell_times(problem: Problem, what: str) -> None:
+    """InputError for a plant whose dwell times cannot be searched."""
     if not problem.plant.has_one_clock:
         raise InputError(f"--for {what} is not available with several clocks.")
     if problem.plant.output.measured == "periodic":
@@ -147,7 +160,6 @@ def require_search(
             f"--for {what} is not available with output.measured = 'periodic'; it must be "
             "continuous or at_jumps."
         )
-    require_accuracy(accuracy)
     problem.require_dwell_time()
     if problem.options.is_stated("schedule"):
         raise InputError(
