@@ -288,6 +288,7 @@ EXPLAINED = {
     "g = total(tops, self.v,": "any positive share of v makes an upper bound without zeros",
     "while (norm(Z.x) - n * Z.radius)": "where radii count, they are larger than the rest",
     "if p <= (1):": "a pivot of one unit is given away",
+    "size = (1)": "a second cell, where there is one, is reached at once",
     "i + (2)} of a bound": "words of a refusal",
     "h * (3)**MOST_HALVINGS": "when a range that fails is given up",
     "(is_short and any(": "the same: it fails at an end then, too",
