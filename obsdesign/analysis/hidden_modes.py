@@ -204,9 +204,9 @@ def nearly_undetectable(A: Matrix, C: Matrix) -> str | None:
     real = value.real if abs(value.real) > RANK_TOLERANCE * size else 0.0
     shown = f"{real:.3g}" + (f"+-{abs(value.imag):.6g}i" if value.imag else "")
     return (
-        f"flow.A has a mode ({shown}) that no output sees and that lasts, but for rounding "
-        f"(relative {RANK_TOLERANCE:g}); the stored numbers do not have it exactly, so it is no "
-        "proof that no observer exists: give the plant in coordinates in which they do"
+        f"flow.A has a mode ({shown}) that does not decay and is unobservable up to rounding "
+        f"(relative {RANK_TOLERANCE:g}); the stored numbers are not exactly so, and nothing is "
+        "refuted: state the plant in coordinates in which they are"
     )
 
 

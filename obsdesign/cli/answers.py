@@ -130,8 +130,8 @@ def show_bracket(what: str, outcome: Outcome) -> None:
 
 
 _CAUTION = (
-    "These rest on the record: y is taken as a parabola over seven samples, and what is rare is "
-    "not in it. A bound from a data sheet is better. Bounds that are too small are void, and the "
+    "Estimated from this record by parabolas over seven samples; rare errors are not in it. A "
+    "bound from a data sheet is better. If noise_bound is too small no guarantee holds, and the "
     "data may not show it."
 )
 

@@ -157,7 +157,7 @@ def _titles(context: click.Context, option: click.Parameter, value: str | None) 
 
 RENAME = click.option(
     "--rename", "titles", metavar="TITLE=COLUMN,…", callback=_titles,
-    help="What columns of the data are, beside the names in the problem: speed=y1,volt=u1.",
+    help="Titles of columns of the data that differ from those of the problem: speed=y1,volt=u1.",
 )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ _OUTPUTS = {"mat": "gains.mat", "c": "code"}
 @click.option("--steps", metavar="H1,H2,…",
               help="c: lengths of the steps.  [default: the period of the samples]")  # fmt: skip
 @click.option("--step-error", type=NUMBER, metavar="E",
-              help="c: how far a step is off, in parts of its length.  [default: 0]")  # fmt: skip
+              help="c: largest relative error of the length of a step.  [default: 0]")  # fmt: skip
 @click.option("--prefix", metavar="NAME", help="c: what names in C begin with.  [default: obs]")
 @click.option("-o", "--output", type=click.Path(),
               help="MATLAB file, or folder of the source.  [default: gains.mat; code]")  # fmt: skip

@@ -30,7 +30,7 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @click.option("--simulate", "simulated", is_flag=True, help="Simulate the plant, the default.")
 @click.option("--until", type=NUMBER, help="End of the simulation.")
 @click.option("--step", type=NUMBER, help="Time between its rows.")
-@click.option("--seed", type=Count(min=0), help="Of the simulation.  [default: 0]")
+@click.option("--seed", type=Count(min=0), help="Seed of the simulation.  [default: 0]")
 @click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
 @KINDS_OPTION
 @RENAME

@@ -132,7 +132,8 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
               help="The mode whose stays are searched, or the event.  [default: all]")  # fmt: skip
 @click.option("--width", metavar="W1,W2,…",
               help="largest_time_error: widths of the bounds of the states, at most.")  # fmt: skip
-@click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True, help="Relative width.")
+@click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True,
+              help="Relative width of the bracket.")  # fmt: skip
 @time_option()
 @AS_JSON
 def search(

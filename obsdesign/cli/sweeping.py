@@ -22,11 +22,12 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 @click.option("--for", "what", default="verdict", show_default=True, metavar="WHAT",
               help="What `search` knows, or verdict, width, decay_rate, error.")  # fmt: skip
 @KIND
-@click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True, help="Of a search.")
+@click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True,
+              help="Relative width of the bracket of a search.")  # fmt: skip
 @time_option("at each point")
 @click.option("--jobs", type=Count(min=1),
               help="Processes.  [default: one; all cores for what takes longer]")  # fmt: skip
-@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to work for instead.")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler that runs the points.")
 @output_option("sweep.jsonl", "JSON lines, one per point; points it holds are not done again.")
 def sweep(
     *, problem: str, over: tuple[str, ...], what: str, kind: str | None, accuracy: float,

@@ -126,8 +126,8 @@ class _Record:
             return left_out.after
         if Path(data).exists() and not (Path(data).is_file() or Path(data).is_dir()):
             raise InputError(
-                f"{data}: a file is read twice, which is no regular file; leave DATA out and give "
-                "the rows on standard input."
+                f"{data}: a regular file is required, since it is read twice; leave DATA out and "
+                "give the rows on standard input."
             )
         with _opened(data) as stream:
             arrivals = arrivals_of(self.layout, self.stored, discard)

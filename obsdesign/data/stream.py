@@ -127,7 +127,7 @@ def stored_progress(
         return None
     text = read_text(path)
     if initial is not None:
-        raise InputError(f"--initial: {path} says where the observer stands; give one of them.")
+        raise InputError(f"--initial is refused: the run goes on from the state in {path}.")
     progress = progress_from_text(text, design, observer, path)
     with _of_this_design():  # do the rows that wait fit the design? A step has no other effect
         state = progress.state

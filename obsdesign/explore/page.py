@@ -1,4 +1,4 @@
-"""The page of `explore`: a marimo notebook run as an app; --problem names the file."""
+"""The page of `explore`: a marimo notebook run as an app; --problem, --kind say of what."""
 
 import marimo
 
@@ -17,10 +17,11 @@ def _():
         settings_of,
         with_values,
     )
-    from obsdesign.problem.problem import load_problem
+    from obsdesign.problem.problem import load_for_kind
 
-    source = str(mo.cli_args()["problem"])
-    problem = load_problem(source)
+    stated = mo.cli_args().to_dict()
+    source = str(stated["problem"])
+    problem = load_for_kind(source, stated.get("kind"))[0]
     settings = settings_of(problem)
     return (
         answer,

@@ -102,6 +102,9 @@ def save(problem: Problem, values: Mapping[str, float], source: str, target: str
         write_text(target, tomlkit.dumps(body))
         return
     document: Value = tomlkit.parse(read_text(source))
+    if document.get("observer", {}).get("kind") != problem.kind:  # that of an option
+        document.pop("observer", None)
+        document.append("observer", tomlkit.item(body["observer"]))
     for key in values:
         _put(document, body, path_of(key))
     write_text(target, tomlkit.dumps(document))

@@ -211,7 +211,7 @@ def _impulsive(stored: _Stored, evidence: _Evidence) -> Curve | None:
         "smallest singular value",
         theta,
         {"of the scaled window matrix": np.asarray(margin)},
-        "At 0 a state would stay hidden. Shaded: the spacings "
+        "At 0 a state is unobservable. Shaded: the spacings "
         + (
             "for which it is proved to stay above the dashed level, in every order."
             if proof

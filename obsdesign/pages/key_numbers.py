@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Decimal, localcontext
 
 import numpy as np
 
@@ -41,6 +42,7 @@ _COLUMNS = {
     "strip": "sensor strip", "width": "guaranteed", "error": "guaranteed", "typical": "typical",
     "best": "best possible",
 }  # fmt: skip
+_ROUNDING = {"width": ROUND_CEILING, "error": ROUND_CEILING, "best": ROUND_FLOOR}
 _MOST_STATES = 12
 # a width above so many sensor strips is more than rounding
 _WIDER = 1.001
@@ -57,11 +59,20 @@ def state_table(rows: Sequence[Entries]) -> list[list[str]]:
     table = [["width of" if is_of_widths else "error of", *shown.values(), ""]]
     for row in rows[:_MOST_STATES]:
         unit = "" if row["unit"] is None else f" [{row['unit']}]"
-        numbers = ("–" if row.get(key) is None else f"{row[key]:.3g}" for key in shown)
+        numbers = ("–" if row.get(key) is None else _three_digits(key, row[key]) for key in shown)
         table.append([row["name"] + unit, *numbers, _remark(row)])
     if len(rows) > _MOST_STATES:
         table.append([f"{len(rows) - _MOST_STATES} more: --json", *[""] * len(shown), ""])
     return table
+
+
+def _three_digits(key: str, value: float) -> str:
+    """A number of a column: proved bounds rounded up, what none can be below rounded down.
+
+    Digits beyond the ninth do not count: 0.1 less a rounding error is shown as 0.1.
+    """
+    with localcontext(prec=3, rounding=_ROUNDING.get(key, ROUND_HALF_EVEN)):
+        return f"{float(+Decimal(f'{value:.9g}')):.3g}"
 
 
 def _remark(row: Entries) -> str:

@@ -39,8 +39,8 @@ _KINDS = {
 }
 _VERDICTS = {
     "proved": "Every claim was proved again from the numbers in the design file, in {:.2g} s.",
-    "undecided": "Not every claim could be proved: the marked ones are open, and nothing may be "
-    "built on them.",
+    "undecided": "Some claims are undecided (marked below): nothing that rests on them is "
+    "guaranteed.",
 }
 SIMULATION = DataSource()
 # gains with more entries than this are named, not shown

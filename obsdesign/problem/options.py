@@ -219,7 +219,7 @@ class ImpulsiveInputOptions(Options):
     )
     ratio: float | None = option(
         POSITIVE,
-        "r: how far the residual error may stand out against an impulse; chooses the exponents.",
+        "r: largest ratio of what the features neglect to what they keep; chooses the exponents.",
     )
     weighting: str | None = option(
         one_of("plain", "gls"), "Norm of the fit: plain, or gls for measurement noise."

@@ -67,7 +67,8 @@ class Output(Block):
     )
     jump_measurement: str = file_entry(
         one_of(*JUMP_MEASUREMENTS),
-        "What a measurement stamped with a jump time saw; default before.",
+        "Whether a measurement at a jump time is taken before or after the jump, or is missing "
+        "(none); default before.",
         default="before",
     )
     C_radius: Matrix | None = file_entry(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 
@@ -10,7 +11,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.memory import OversizeError
 from obsdesign.data.simulation.parameter_courses import nominal_plant
-from obsdesign.data.simulation.rows import default_until
+from obsdesign.data.simulation.rows import default_until, settled
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.kinds import GIVING_BOUNDS
@@ -26,13 +27,14 @@ from obsdesign.workflow import Outcome
 _MOST_BOUNDS, _MOST_ROWS = 400, 5000
 
 
-def typical_values(design: Design) -> list[float | None]:
+def typical_values(design: Design, widths: Sequence[float | None]) -> list[float | None]:
     """Mean width of the bounds of each state, or mean |error| of its estimate.
 
     Over the last half of the default simulation (seed 0, 400 rows of bounds or 5000 of estimates at
-    most), bounds from one unit about the true initial state, parameters at an end of their range
-    (drawn at every row their effects would average out); rows without guarantee are left out.
-    None where nothing can be simulated, or no such row has finite bounds.
+    most), bounds from one unit about the true initial state, or half of the guaranteed widths (n,)
+    where that is less, parameters at an end of their range (drawn at every row their effects would
+    average out); rows without guarantee are left out. None where nothing can be simulated, or no
+    such row has finite bounds.
     """
     problem = Problem.from_dict(design.problem)
     unknown: list[float | None] = [None] * problem.plant.n
@@ -46,7 +48,8 @@ def typical_values(design: Design) -> list[float | None]:
         ).head(most)
         if record.x is None:
             return unknown
-        start = np.column_stack([record.x[0] - 1, record.x[0] + 1])
+        around = np.array([1.0 if width is None else min(1.0, width / 2) for width in widths])
+        start = np.column_stack([record.x[0] - around, record.x[0] + around])
         estimates = estimates_on(design, record, start)
     except (InputError, OversizeError):
         return unknown
@@ -63,11 +66,20 @@ def typical_values(design: Design) -> list[float | None]:
 def _end(plant: Plant, most: int) -> float | None:
     """End of a simulation with at most so many periods; None where none are stated."""
     until = end_of_record(plant)
-    period = plant.output.period if plant.has_one_clock else None
+    if not plant.has_one_clock:
+        return _end_of_clocks(nominal_plant(plant), most)
+    period = plant.output.period
     if period is None:
         return until
     until = default_until(nominal_plant(plant), "random") if until is None else until
     return min(until, most * period)
+
+
+def _end_of_clocks(plant: Plant, most: int) -> float:
+    """The default end, or when the slowest mode has decayed, with at most so many samples."""
+    gaps = [sensor.gap for sensor in plant.sensors if 0 < sensor.gap < math.inf]
+    lasting = most / sum(1 / gap for gap in gaps) if gaps and not plant.modes else 0.0
+    return max(default_until(plant, "random"), min(settled(plant), lasting))
 
 
 def with_typical(outcome: Outcome) -> Outcome:
@@ -77,7 +89,8 @@ def with_typical(outcome: Outcome) -> Outcome:
     problem = Problem.from_dict(outcome.design.problem)
     labels = state_labels(problem)
     rows = outcome.result.get("states") or [asdict(StateWidths(*label)) for label in labels]
-    pairs = zip(rows, typical_values(outcome.design), strict=True)
+    widths = [row["width"] for row in rows]
+    pairs = zip(rows, typical_values(outcome.design, widths), strict=True)
     stated = [{**row, "typical": value} for row, value in pairs]
     return replace(outcome, result={**outcome.result, "states": _with_least(stated, problem.plant)})
 

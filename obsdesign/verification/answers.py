@@ -92,8 +92,8 @@ def _witness_holds_for_all_gains(claim: Claim) -> bool:
 def _undecided_for_problem(claim: Claim) -> Claim:
     """A claim refuted for searched gains as undecided for the problem."""
     why = (
-        "no choice of what the problem leaves open was found for which it holds; for the last one "
-        f"tried, {reason(claim)}"
+        "no gains or options that the problem leaves open were found for which it holds; for the "
+        f"last ones tried, {reason(claim)}"
     )
     return _as_undecided(claim, why)
 

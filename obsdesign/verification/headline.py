@@ -92,7 +92,8 @@ def _spacing(problem: Problem, proved: _Proved) -> str:
 
         return f"widths with {pattern_of(problem.plant)}"
     if "width" in proved and "sampled_width" not in proved and problem.kind == "interval":
-        return "widths with y measured continuously"
+        at_jumps = problem.plant.output.measured == "at_jumps"
+        return "widths with y measured " + ("at every jump" if at_jumps else "continuously")
     return ""
 
 

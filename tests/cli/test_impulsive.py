@@ -99,7 +99,11 @@ def test_a_record_shorter_than_the_window_and_a_gap_in_it(tmp_path: Path) -> Non
     done = command("run", "design.json", "d.csv", cwd=tmp_path)
     assert done.returncode == 0
     statuses = [row.rpartition(",")[2] for row in done.stdout.splitlines()[1:]]
-    assert statuses == ["ok", "missing sample", "window spans what is not certified"]
+    assert statuses == [
+        "ok",
+        "missing sample",
+        "window contains a missing sample or an uncertified spacing",
+    ]
 
 
 def test_check_knows_the_kind(tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def test_the_command_says_what_to_write_and_what_it_rests_on(tmp_path: Path) -> 
     words = ["noise", str(path), "--rename", "gauge=y1"]
     shown = CliRunner().invoke(cli, words, standalone_mode=False).output
     assert "[output]\nnoise_bound = [0." in shown
-    assert "These rest on the record" in shown
+    assert "Estimated from this record" in shown
     answer = CliRunner().invoke(cli, [*words, "--json"], standalone_mode=False).output
     (entry,) = json.loads(answer)["result"]
     assert entry["std"] == pytest.approx(0.02, rel=0.15)

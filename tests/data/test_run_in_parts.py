@@ -220,7 +220,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         file.truncate(MOST_BYTES + 1)
     assert "at most 64 MiB are read; it is larger" in refused("two.csv", "--state", "s.json")
     (desk / "s.json").write_text(text)
-    assert "s.json says where the observer stands" in refused(
+    assert "the run goes on from the state in s.json" in refused(
         "two.csv", "--state", "s.json", *START
     )
     again = refused("one.csv", "--state", "s.json")

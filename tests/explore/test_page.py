@@ -11,12 +11,14 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
 from obsdesign import load_problem
 from obsdesign.explore.answer import answer, beside, brackets
-from obsdesign.explore.settings import with_values
+from obsdesign.explore.settings import save, with_values
+from obsdesign.problem.problem import load_for_kind
 
 PNG = b"\x89PNG"
 
@@ -126,3 +128,20 @@ def test_a_problem_is_read_before_a_page_is_opened() -> None:
     outcome = subprocess.run(command, capture_output=True, text=True, check=False)
     assert outcome.returncode == 2
     assert outcome.stderr.startswith("obsdesign: absent.toml")
+
+
+def test_another_kind_is_explored_and_saved(tmp_path: Path) -> None:
+    source, target = "examples/degue_4_2.toml", str(tmp_path / "saved.toml")
+    problem = load_for_kind(source, "set_membership")[0]
+    save(problem, {"output.noise_bound[0]": 0.1}, source, target)
+    assert load_problem(target).kind == "set_membership"
+    command = [
+        sys.executable,
+        "obsdesign/explore/page.py",
+        "--",
+        "--problem",
+        source,
+        "--kind",
+        "luenberger",
+    ]
+    subprocess.run(command, check=True, capture_output=True)

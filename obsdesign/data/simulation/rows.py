@@ -217,7 +217,7 @@ def default_until(plant: Plant, dwell: Dwell) -> float:
     if isinstance(dwell, int | float) and plant.jump is not None:
         return 10.0 * float(dwell)
     if plant.jump is None or plant.jump.dwell_time is None:
-        return _settled(plant)
+        return settled(plant)
     low, high = plant.jump.dwell_time
     typical = low if dwell == "shortest" else (low + high) / 2 if math.isfinite(high) else 2 * low
     return 10.0 * (typical or 1.0)
@@ -228,7 +228,7 @@ def _several_cycles(plant: Plant) -> float:
     ends = [end for event in plant.events for end in event.dwell_time or ()]
     stated = [*ends, *(sensor.gap for sensor in plant.sensors)]
     finite = [end for end in stated if math.isfinite(end) and end > 0]
-    return _LASTING * max(finite) if finite else _settled(plant)
+    return _LASTING * max(finite) if finite else settled(plant)
 
 
 def _period(plant: Plant) -> float:
@@ -236,7 +236,7 @@ def _period(plant: Plant) -> float:
     return plant.output.sample_spacing if plant.has_one_clock else 0.0
 
 
-def _settled(plant: Plant) -> float:
+def settled(plant: Plant) -> float:
     """200 sampling periods, or ten times the slowest mode's; less where x would grow far."""
     modes, period = np.linalg.eigvals(plant.flow.A), _period(plant)
     if plant.flow.dt is not None:

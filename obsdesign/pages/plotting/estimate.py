@@ -302,4 +302,4 @@ def _mark_status(axis: Axes, record: EstimateRecord) -> None:
     bad = [k for k, status in enumerate(statuses) if status and status != "ok"]
     if bad:
         axis.plot(record.t[bad], np.zeros(len(bad)), "|", color=_ALARM, ms=7, clip_on=False,
-                  transform=axis.get_xaxis_transform(), label="no guarantee here")  # fmt: skip
+                  transform=axis.get_xaxis_transform(), label="status not ok")  # fmt: skip

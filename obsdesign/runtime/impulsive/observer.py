@@ -102,7 +102,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             if state.guard.last_jump is not None:
                 following = self._slide(state, t - state.guard.last_jump)
             if state.uncertified:
-                objections.append("window spans what is not certified")
+                objections.append("window contains a missing sample or an uncertified spacing")
             if y is None:
                 objections.append(MISSING_SAMPLE)
             L, warning = self._gain(following)

@@ -126,7 +126,9 @@ class SampleClock:
     def _continuous(
         self, state: IntervalState, sample: Sample, y: Matrix | None, t: float
     ) -> list[Reason]:
-        needed = y is None and not (sample.jump and self.skips_jumps)
+        # between jumps y counts where L uses it, or a width rests on samples within the limit
+        counts = not self.skips_jumps if sample.jump else self.corrects or math.isfinite(self.limit)
+        needed = y is None and counts
         sentences = [MISSING_SAMPLE] if needed else []
         step = t - state.t
         without_sample = state.y is None and y is None and not needed and step > 0

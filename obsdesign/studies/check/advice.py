@@ -13,8 +13,8 @@ _CLAIMS = {
     "dwell times that can be proved; leave observer.gains out to have gains synthesised.",
     "decay_rate": "Ask for a smaller observer.decay_rate.",
     "sampled_stability": "Try a shorter output.period.",
-    "hurwitz": "Leave observer.gains out to have them synthesised; where no dwell time is longest, "
-    "a finite jump.dwell_time[1] asks for less.",
+    "hurwitz": "Leave observer.gains out to have them synthesised; with an infinite longest dwell "
+    "time, try a finite jump.dwell_time[1].",
     "flow_positive": 'Try observer.form = "auto", which looks for coordinates too.',
     "jump_positive": 'Try observer.form = "auto", which looks for coordinates too.',
     "attainable": "Measure another state (a row more in output.C).",

@@ -69,8 +69,9 @@ def invertible(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
         if np.any(gains.injection @ gains.C):
             least = f"{ratio:.1e}" if ratio > 1e-14 else "less than 1e-14"
             why = (
-                f"{letter} is singular, but for {least} of its norm: for this L at T = {T:.9g}; "
-                "another L or window might do, or method 'least_squares', which has none"
+                f"{letter} is nearly singular for this L at T = {T:.9g}: smallest singular value "
+                f"{least} of its norm; try another L or window, or method 'least_squares', which "
+                "has no L"
             )
         verdict = with_reason(verdict, why)
     return Claim.from_verdict(name, statement, source, verdict)
@@ -154,7 +155,7 @@ def unbiased(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
     if size <= limit and not (stated <= gains.bias_bound).all():
         verdict = undecided("gains.state_error is below what is proved", **evidence)
     elif size <= limit and _is_too_large(sampled, gains.bias_bound):
-        reason = f"gains.state_error is above {UNBIASED:g} (scaled), far more than what is missed"
+        reason = f"gains.state_error is above {UNBIASED:g} (scaled), far above the proved bias"
         verdict = refuted({"reason": reason}, **evidence)
     elif size <= limit:
         verdict = proved(**evidence)

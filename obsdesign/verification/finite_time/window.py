@@ -49,7 +49,7 @@ def observable(sampled: Sampled) -> Claim:
     verdict = proved(exact=True)
     if vector is not None:
         state = ", ".join(f"{x:.6g}" for x in vector)
-        reason = f"the state ({state}) and what becomes of it is never seen in y"
+        reason = f"the state ({state}) is unobservable: C A^k x = 0 for all k"
         verdict = refuted({"vector": vector, "reason": reason})
     source = f"{PAPER}, Assumption 1"
     return Claim.from_verdict("observable", "(A, C) is observable", source, verdict)

@@ -113,7 +113,7 @@ def _reason_against_lasting(system: ModeSystem) -> str | None:
         system.gains.names, system.gains.spans, system.widths, strict=True
     ):  # fmt: skip
         if math.isinf(span.every[1]) and (flow := prove_hurwitz(own.W)).outcome != "proved":
-            return f"mode {name} may last, and is not stable: {flow.reason}"
+            return f"mode {name} has no longest stay and is not proved stable: {flow.reason}"
     return None
 
 

@@ -126,8 +126,8 @@ def _contracts_in_steps(problem: Problem, hidden: HiddenPart, paranoid: bool) ->
     each = "step" if jump is None else "jump"
     radius = verdict.witness.get("spectral_radius", 1.0)
     reason = (
-        f"no observer exists: a part of the state that no output sees lasts from {each} to {each}, "
-        f"by a factor of {radius:.6g}"
+        f"no observer exists: an unobservable part of the state does not decay; from {each} to "
+        f"{each} its factor is {radius:.6g}"
     )
     witness = {"spectral_radius": radius, "reason": reason}
     return refuted(_with_direction(witness, hidden, problem.names.states_of(plant.n), cycle))

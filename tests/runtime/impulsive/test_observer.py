@@ -89,8 +89,8 @@ def test_an_impulse_without_measurement_costs_one_impulse(strategy: str) -> None
     statuses = [status for status, _ in results]
     assert statuses[0] == "ok"
     assert statuses[1] == "missing sample"
-    assert statuses[2] == "window spans what is not certified"
-    assert statuses[4] == "window spans what is not certified"
+    assert statuses[2] == "window contains a missing sample or an uncertified spacing"
+    assert statuses[4] == "window contains a missing sample or an uncertified spacing"
     assert statuses[5] == "ok"
     # three measurements still determine everything: dead-beat one impulse later
     assert max(error for _, error in results[3:]) < 1e-8
@@ -117,9 +117,9 @@ def test_spacings_outside_the_range_are_flagged_until_they_leave_the_window() ->
         "ok",  # the time to the first impulse is no spacing
         "ok",
         "dwell time 0.2 below 0.5",
-        "window spans what is not certified",
-        "window spans what is not certified",
-        "window spans what is not certified",
+        "window contains a missing sample or an uncertified spacing",
+        "window contains a missing sample or an uncertified spacing",
+        "window contains a missing sample or an uncertified spacing",
         "dwell time 2 above 1.5",
     )
     late = observer.run_batch([0.2, 1.0, 1.8, 2.2], None, jump=[1, 0, 0, 0], x=[1.0, 1.0])

@@ -260,7 +260,7 @@ def test_a_failed_search_is_undecided() -> None:
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert outcome.verdict == "undecided"
     claim = next(c for c in outcome.claims if c.id == "dwell_stability")
-    assert reason(claim).startswith("no choice of what the problem leaves open was found")
+    assert reason(claim).startswith("no gains or options that the problem leaves open")
 
 
 def test_an_obstruction_is_told_again_by_verify() -> None:
@@ -389,7 +389,7 @@ def test_a_mode_that_is_hidden_but_for_rounding_is_told() -> None:
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert outcome.verdict == "undecided"
     reasons = [reason(c) for c in outcome.claims if c.id == "dwell_stability"]
-    assert "flow.A has a mode (0+-1i) that no output sees" in reasons[0]
+    assert "flow.A has a mode (0+-1i) that does not decay and is unobservable" in reasons[0]
     body["output"]["C"] = [[1, 0, 0]]
     measured = obsdesign.investigate(obsdesign.Problem.from_dict(body))
-    assert all("no output sees" not in reason(c) for c in measured.claims)
+    assert all("unobservable" not in reason(c) for c in measured.claims)

@@ -68,7 +68,7 @@ def test_gains_that_were_searched_for_leave_the_problem_undecided() -> None:
     assert outcome.verdict == "undecided"
     reason = outcome.claims[-1].evidence["reason"]
     assert reason.startswith(
-        "no choice of what the problem leaves open was found for which it holds; "
+        "no gains or options that the problem leaves open were found for which it holds; "
     )
 
 
