@@ -12,7 +12,7 @@ from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.runtime.base import Row, Sample, Vector, samples_of
 from obsdesign.runtime.bounds import Bounds
 from obsdesign.runtime.columns import Columns
-from obsdesign.runtime.state_marks import Inputs, Measured, MeasuredRow, Past
+from obsdesign.runtime.state_marks import Inputs, Measured, MeasuredRow
 
 
 class WaitingRow(NamedTuple):
@@ -64,7 +64,7 @@ class InForce(NamedTuple):
     since: time of the last change; b: None as declared, is_narrowed: was it ever narrower?
     """
 
-    since: Past = -math.inf
+    since: float = -math.inf  # up to the last row, which a delayed observer's state is before
     u: Inputs | None = None
     b: tuple[Vector, Vector] | None = None
     mode: str | None = None

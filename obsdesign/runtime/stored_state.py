@@ -126,6 +126,10 @@ def _check_ranges(progress: Progress, observer: Value) -> None:
         if not (latest < row[0] < math.inf or (k == 0 and row[0] == latest)):
             raise wrong(f"waiting[{k}][0]", f"finite and after {latest!r}", row[0])
         latest = row[0]
+    if not progress.in_force.since <= progress.t:
+        raise wrong(
+            "in_force.since", f"at most {progress.t!r}, the last row", progress.in_force.since
+        )
     for k, late in enumerate(progress.late):
         if not latest <= late.t < math.inf:
             raise wrong(f"late[{k}].t", f"finite and at least {latest!r}", late.t)

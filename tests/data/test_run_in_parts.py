@@ -363,3 +363,36 @@ def test_a_design_without_warnings_keeps_its_digest(tmp_path: Path) -> None:
     path.write_text(json.dumps(body), encoding="utf-8")
     assert obsdesign.load_design(path).to_dict()["digest"] == body["digest"]
     assert design.to_dict()["digest"] != body["digest"]
+
+
+@pytest.mark.parametrize("cut", [30, 61])
+@pytest.mark.parametrize("options", [{}, {"operator": "samples"}], ids=["integral", "samples"])
+def test_an_input_that_changed_behind_a_delayed_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], cut: int
+) -> None:
+    """The state of an observer that decides later is of an earlier time than the last input."""
+    monkeypatch.chdir(tmp_path)
+    body = {
+        "flow": {"A": [[-1, 0], [1, -0.4]], "B": [[1], [0]]},
+        "jump": {"H": [[1], [0]], "dwell_time": [5, "inf"]},
+        "output": {"C": [[0, 1]], "noise_std": [0.01], "measured": "periodic", "period": 0.25},
+        "observer": {"kind": "impulsive_input", **options},
+    }
+    obsdesign.design(obsdesign.Problem.from_dict(body)).save("d.json")
+    rows = [f"{0.25 * k},0.0,{0.1 * (k // 12 % 2)}" for k in range(100)]
+    written = []
+    for k, part in enumerate((rows, rows[:cut], rows[cut:])):
+        Path("a.csv").write_text("\n".join(["t,y1,u1", *part, ""]))
+        state = ["--state", "s.json"] if k else []
+        done = ran("run", "d.json", "a.csv", "-o", "e.csv", *state)
+        assert done.exception is None, done.exception
+        written.append(Path("e.csv").read_text().splitlines()[1:])
+    whole, first, second = (
+        [line for line in lines if "unresolved" not in line] for lines in written
+    )
+    assert [*first, *second] == whole
+    stored = json.loads(Path("s.json").read_text())
+    (in_force,) = (x for x in stored["progress"][1:] if isinstance(x, dict))
+    in_force["since"] = 1e6
+    Path("s.json").write_text(signed(stored))
+    assert "in_force.since must be at most" in refused("a.csv", "--state", "s.json", "-o", "e.csv")
