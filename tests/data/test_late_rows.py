@@ -427,7 +427,7 @@ def of_one_dose(kind: str = "interval", **discrete: float) -> dict[str, Any]:
 
 def estimates(body: dict[str, Any], *rows: str, options: tuple[str, ...] = ()) -> list[str]:
     """Lines of the estimates of a record whose rows may state when they were received."""
-    obsdesign.design(Problem.from_dict(body)).save("d.json")
+    designed(body).save("d.json")
     Path("a.csv").write_text("\n".join(["t,level,dose,received", *rows, ""]))
     done = ran("run", "d.json", "a.csv", "--initial=-1,1", "-o", "e.csv", *options)
     assert done.exception is None, done.output
@@ -486,7 +486,7 @@ def test_two_events_of_one_time_end_a_part() -> None:
 def test_rows_that_are_all_too_late_name_what_the_lag_comes_from() -> None:
     body = of_one_dose()
     body["event"][0]["time_error"] = 0.25
-    obsdesign.design(Problem.from_dict(body)).save("d.json")
+    designed(body).save("d.json")
     Path("a.csv").write_text("t,level,dose,received\n0,.5,,30\n1,.5,,31\n")
     done = ran("run", "d.json", "a.csv", "--initial=-1,1", "-o", "e.csv")
     assert "at most report_delay and time_error 2.25 late are required" in str(done.exception)

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-import obsdesign
 from obsdesign import InputError
 from obsdesign.data.execution import execute
 from obsdesign.data.left_out import LEFT_OUT
+from tests.systems.designs import designed
 
 # a tank that is fed by pulses of u and filled at doses
 TANK: dict[str, Any] = {
@@ -30,7 +30,7 @@ HEADER = "t,dose,u1,level"
 
 @pytest.fixture
 def tank(tmp_path: Path) -> Path:
-    obsdesign.design(obsdesign.Problem.from_dict(TANK)).save(str(tmp_path / "d.json"))
+    designed(TANK).save(str(tmp_path / "d.json"))
     return tmp_path
 
 
@@ -70,7 +70,7 @@ def test_rows_of_the_same_time_are_behind_it(tank: Path) -> None:
     rows = ["0,,0,", "2,,0,0.1", "2,five,0,", "2,,0,0.2", "3,,0,"]
     body = copy.deepcopy(TANK)
     del body["sensor"][0]["report_delay"]
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(str(tank / "d.json"))
+    designed(body).save(str(tank / "d.json"))
     lines = estimates(tank, rows, skip_bad=True)
     assert [LEFT_OUT in line for line in lines] == [False, True, True, True]
 
@@ -78,7 +78,7 @@ def test_rows_of_the_same_time_are_behind_it(tank: Path) -> None:
 def test_a_part_of_nothing_but_bad_lines_is_remembered(tank: Path) -> None:
     body = copy.deepcopy(TANK)
     del body["sensor"][0]["report_delay"]
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(str(tank / "d.json"))
+    designed(body).save(str(tank / "d.json"))
     state = str(tank / "s.state")
     assert not any(LEFT_OUT in line for line in estimates(tank, ROWS[:2], state=state))
     assert estimates(tank, ["2,five,0,"], goes_on=True, skip_bad=True, state=state) == []
@@ -89,7 +89,7 @@ def test_a_part_of_nothing_but_bad_lines_is_remembered(tank: Path) -> None:
 
 def test_a_late_measurement_alone_is_a_missing_sample(tank: Path) -> None:
     del_input = {**TANK, "flow": {key: TANK["flow"][key] for key in ("A", "disturbance")}}
-    obsdesign.design(obsdesign.Problem.from_dict(del_input)).save(str(tank / "d.json"))
+    designed(del_input).save(str(tank / "d.json"))
     rows = ["0,,,", "1,,0.1,4.5", "2,5,,", "3,,,", "4,,,", "5,,,"]
     lines = estimates(tank, rows, "t,dose,level,received")
     assert not any(LEFT_OUT in line for line in lines)
@@ -110,7 +110,7 @@ def test_a_plant_without_events_and_inputs_has_nothing_to_miss(tank: Path) -> No
         "flow": {"A": [[-1.0]], "disturbance": {"lower": [-0.1], "upper": [0.1]}},
         "output": {"C": [[1.0]], "noise_bound": [0.1]}, "observer": {"kind": "interval"},
     }  # fmt: skip
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(str(tank / "d.json"))
+    designed(body).save(str(tank / "d.json"))
     lines = estimates(tank, ["0,0", "0.1,oops", "0.2,0"], "t,y1", skip_bad=True)
     assert not any(LEFT_OUT in line for line in lines)
 
@@ -118,7 +118,7 @@ def test_a_plant_without_events_and_inputs_has_nothing_to_miss(tank: Path) -> No
 @pytest.mark.parametrize("kind", ["set_membership"])
 def test_other_kinds_with_bounds_do_likewise(tank: Path, kind: str) -> None:
     body = {**TANK, "observer": {"kind": kind}}
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(str(tank / "d.json"))
+    designed(body).save(str(tank / "d.json"))
     lines = estimates(tank, [*ROWS[:2], "2,five,0,", *ROWS[3:]], skip_bad=True)
     assert [LEFT_OUT in line for line in lines] == [False, True, True, True, True]
 
@@ -130,10 +130,10 @@ def marks(lines: list[str]) -> list[bool]:
     return [LEFT_OUT in line for line in lines]
 
 
-def designed(folder: Path, **blocks: Any) -> None:
+def save_design(folder: Path, **blocks: Any) -> None:
     """A design of the tank with other blocks, none where they are None, as `d.json`."""
     body = {key: value for key, value in {**copy.deepcopy(TANK), **blocks}.items() if value}
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(str(folder / "d.json"))
+    designed(body).save(str(folder / "d.json"))
 
 
 LEVEL = {"name": "level", "C": [[1]], "noise_bound": 0.1, "every": [0, 20]}
@@ -143,7 +143,7 @@ PLAIN = {"flow": STILL, "event": None, "sensor": None,
 
 
 def test_a_line_that_is_out_of_order_counts_from_its_own_time(tank: Path) -> None:
-    designed(tank, sensor=[LEVEL])
+    save_design(tank, sensor=[LEVEL])
     rows = ["0,,0,", "1,,0,", "4,,0,", "5,,0,", "3,5,0,", "6,,0,"]
     assert marks(estimates(tank, rows, skip_bad=True)) == [False, False, True, True, True]
     # the twin: a time that cannot be read is that behind the row before
@@ -154,7 +154,7 @@ def test_a_line_that_is_out_of_order_counts_from_its_own_time(tank: Path) -> Non
 def test_a_line_that_may_have_come_as_late_as_a_row(tank: Path) -> None:
     """0.9 - 0.3 is above 0.6: the next row, of the same time, is not too late either."""
     sensor = LEVEL | {"noise_bound": 9, "report_delay": 0.6}
-    designed(tank, flow=STILL, sensor=[sensor])
+    save_design(tank, flow=STILL, sensor=[sensor])
     rows = ["0,,0", "0.9,,", "0.3,5x,", "0.3,,5", "0.4,,", "3,,"]
     lines = estimates(tank, rows, "t,dose,level", skip_bad=True)
     assert marks(lines) == [False, True, True, True, True]
@@ -162,7 +162,7 @@ def test_a_line_that_may_have_come_as_late_as_a_row(tank: Path) -> None:
 
 @pytest.mark.parametrize(("bounds", "counts"), [(",,", True), ("-0.1,0.1,", False)])
 def test_a_late_row_that_declares_its_bounds_again(tank: Path, bounds: str, counts: bool) -> None:
-    designed(tank, flow=STILL, event=None, sensor=[LEVEL])
+    save_design(tank, flow=STILL, event=None, sensor=[LEVEL])
     rows = ["0,0,-0.1,0.1,", "1,0,-0.1,0.1,", f"2,,{bounds}50", "3,0,-0.1,0.1,"]
     lines = estimates(tank, rows, "t,level,b1_lo,b1_hi,received")
     assert marks(lines) == [False, False, counts]
@@ -170,7 +170,7 @@ def test_a_late_row_that_declares_its_bounds_again(tank: Path, bounds: str, coun
 
 @pytest.mark.parametrize(("end", "counts"), [("-0.1,0.1", True), (",", False)])
 def test_narrow_bounds_do_not_run_on_over_a_bad_line(tank: Path, end: str, counts: bool) -> None:
-    designed(tank, **PLAIN)
+    save_design(tank, **PLAIN)
     state = str(tank / "s.state")
     estimates(tank, ["0,0,-0.1,0.1", f"1,,{end}"], "t,y1,b1_lo,b1_hi", state=state)
     later = estimates(tank, ["2,oops,,", "8,,-0.1,0.1"], "t,y1,b1_lo,b1_hi", state=state,
@@ -202,7 +202,7 @@ def test_a_late_row_behind_one_that_still_waits(tank: Path, u: str, counts: bool
 def test_narrow_bounds_of_a_row_that_waits_in_a_state(
     tank: Path, bounds: str, counts: bool
 ) -> None:
-    designed(tank, flow=STILL, event=None, sensor=[LEVEL | {"report_delay": 2}])
+    save_design(tank, flow=STILL, event=None, sensor=[LEVEL | {"report_delay": 2}])
     header, state = "t,level,b1_lo,b1_hi", str(tank / "s.json")
     estimates(tank, ["0,,,", "1,,,", f"3,,{bounds}"], header, state=state)
     later = estimates(tank, ["5,oops,,", "12,,-0.1,0.1", "20,,,"], header, state=state,
@@ -211,7 +211,7 @@ def test_narrow_bounds_of_a_row_that_waits_in_a_state(
 
 
 def test_bounds_of_a_late_measurement_act_on_it_alone(tank: Path) -> None:
-    designed(tank, flow=STILL, sensor=[LEVEL])
+    save_design(tank, flow=STILL, sensor=[LEVEL])
     rows = ["0,,,,,", "1,,0.01,-0.05,0.05,9", "2,,0,-0.05,0.05,", "3,,,,,", "9,,,,,"]
     assert not any(marks(estimates(tank, rows, "t,dose,level,v1_lo,v1_hi,received")))
 
@@ -230,7 +230,7 @@ def test_provisional_estimates_say_so_too(tank: Path) -> None:
 
 
 def test_the_first_row_is_not_left_out(tank: Path) -> None:
-    designed(tank, **PLAIN)
+    save_design(tank, **PLAIN)
     with pytest.raises(InputError, match=r"line 2: .*--skip-bad does not skip the first row"):
         estimates(tank, ["0,1 V", "1,0"], "t,y1", skip_bad=True)
     # the twins: a later line, and the first one of a later part
@@ -243,7 +243,7 @@ def test_the_first_row_is_not_left_out(tank: Path) -> None:
 
 @pytest.mark.parametrize(("t", "counts"), [(0, True), (1.5, False)])
 def test_a_row_that_comes_too_late_may_be_the_first(tank: Path, t: float, counts: bool) -> None:
-    designed(tank, flow=STILL, sensor=[LEVEL | {"report_delay": 1.0}])
+    save_design(tank, flow=STILL, sensor=[LEVEL | {"report_delay": 1.0}])
     rows = [f"{t},,0.05,8", "1,,0,", "2,,0,", "9,,,"]
     rows.sort(key=lambda row: float(row.split(",")[0]))
     assert marks(estimates(tank, rows, "t,dose,level,received")) == [counts] * 3
@@ -252,13 +252,13 @@ def test_a_row_that_comes_too_late_may_be_the_first(tank: Path, t: float, counts
 @pytest.mark.parametrize(("t", "counts"), [(0, True), (1.5, False)])
 def test_the_first_row_may_be_lost_in_a_later_part(tank: Path, t: float, counts: bool) -> None:
     """A line that is out of order, and a row that is too late."""
-    designed(tank, **PLAIN)
+    save_design(tank, **PLAIN)
     state = str(tank / "bad.state")
     estimates(tank, ["1,0", "2,0"], "t,y1", state=state)
     rows = [f"{t},0", "6,0"]
     lines = estimates(tank, rows, "t,y1", state=state, skip_bad=True, goes_on=True)
     assert marks(lines) == [counts]
-    designed(tank, flow=STILL, event=None, sensor=[LEVEL | {"report_delay": 0.5}])
+    save_design(tank, flow=STILL, event=None, sensor=[LEVEL | {"report_delay": 0.5}])
     state = str(tank / "late.state")
     estimates(tank, ["1,0,", "2,0,", "3,,"], "t,level,received", state=state)
     rows = [f"{t},0,4", "4,,", "5,,", "9,,"]
@@ -268,7 +268,7 @@ def test_the_first_row_may_be_lost_in_a_later_part(tank: Path, t: float, counts:
 
 def test_a_part_without_arrivals_has_a_time_too(tank: Path) -> None:
     """A row of the next part that is older than the last one is too late, whenever it came."""
-    designed(tank, flow=STILL, sensor=[LEVEL])
+    save_design(tank, flow=STILL, sensor=[LEVEL])
     state = str(tank / "s.state")
     estimates(tank, ["0,,0", "2,,0"], "t,dose,level", state=state)
     rows = ["1,,0,1", "1.5,5,0,1.5", "3,,0,3"]
@@ -300,7 +300,7 @@ IN_MODES = "t,dose,level,mode"
 
 @pytest.fixture
 def valve(tmp_path: Path) -> Path:
-    obsdesign.design(obsdesign.Problem.from_dict(MODES)).save(str(tmp_path / "d.json"))
+    designed(MODES).save(str(tmp_path / "d.json"))
     return tmp_path
 
 
@@ -346,7 +346,7 @@ def window_design(folder: Path, noise: float | None = 0.01) -> None:
         "flow": {"A": [[-0.1]]}, "jump": {"E": [[1]], "dwell_time": [1, 90]}, "output": output,
         "observer": {"kind": "finite_time", "window": 2.0},
     }  # fmt: skip
-    obsdesign.design(obsdesign.Problem.from_dict(body)).save(str(folder / "d.json"))
+    designed(body).save(str(folder / "d.json"))
 
 
 @pytest.mark.parametrize("bad", ["5.2,,,", "x,,1,", "1"])
