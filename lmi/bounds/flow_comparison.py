@@ -2,8 +2,9 @@
 
     x = T z,   z_k in R or R^2,   z' = T^-1 F T z,   |z|' <= W |z|
 
-T from eigenvectors, deflated one after the other, the slowest first, pairs turned into rotations:
-W is nearly triangular, whatever is defective in F. With N = (-W)^-1 >= 0, proved,
+T from eigenvectors, deflated one after the other, the slowest first, pairs turned into rotations,
+those that are nearly real split, since their basis would be nearly dependent: W is nearly
+triangular, and T far from singular, whatever is defective in F. With N = (-W)^-1 >= 0, proved,
 
     |z(s)| <= |z(0)| + N max(W |z(0)|, 0)   for all s >= 0,   int_0^inf |z| ds <= N |z(0)|
 
@@ -32,8 +33,10 @@ from lmi.arithmetic.balls import (
 )
 from lmi.arithmetic.norms import nonnegative_inverse
 
-# imaginary parts below this part of the modulus count as rounding
-_REAL = 1e-12
+# Pairs with imaginary parts below this part of the modulus are split: the real part of the vector,
+# then what is orthogonal to it. A double pole is computed as such a pair. The coupling this leaves
+# is in W.
+_NEARLY_REAL = 0.1
 
 
 @dataclass(frozen=True)
@@ -89,8 +92,8 @@ def _invariant_basis(F: Matrix) -> tuple[Matrix, list[tuple[int, int]]]:
         values, vectors = np.linalg.eig(left.T @ F @ left)
         slowest = int(np.argmax(values.real))
         vector = vectors[:, slowest]
-        is_real = abs(values[slowest].imag) <= _REAL * abs(values[slowest])
-        part = vector.real[:, None] if is_real else np.array([vector.real, vector.imag]).T
+        is_split = abs(values[slowest].imag) <= _NEARLY_REAL * abs(values[slowest])
+        part = vector.real[:, None] if is_split else np.array([vector.real, vector.imag]).T
         end = first + part.shape[1]
         T[:, first:end] = left @ part
         Q[:, first:] = left @ np.linalg.qr(part, mode="complete")[0]

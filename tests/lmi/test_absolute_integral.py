@@ -84,6 +84,42 @@ def test_modes_far_apart_cost_nothing(F: list[list[float]], E: object) -> None:
     assert (ratio < 1.01).all()
 
 
+def last_driven(poles: list[complex]) -> tuple[np.ndarray, np.ndarray]:
+    """The companion matrix of these poles, and an input to its last state."""
+    n = len(poles)
+    F = np.diag(np.ones(n - 1), 1)
+    F[-1] = -np.poly(poles).real[:0:-1]
+    return F, np.eye(n)[:, -1:]
+
+
+@pytest.mark.parametrize(
+    "poles",
+    [[-3] * 2, [-1] * 3, [-1] * 4, [-1] * 5, [-1 + 1e-3j, -1 - 1e-3j] * 2],
+    ids=["two", "three", "four", "five", "pairs"],
+)
+def test_equal_poles_are_bounded_as_those_that_differ(poles: list[complex]) -> None:
+    F, column = last_driven(poles)
+    bound = absolute_integrals(exact(F), exact(column))
+    assert bound is not None
+    ratio = bound / graded(F, column)
+    assert (ratio > 1 - 1e-4).all()
+    assert (ratio < 1.01).all()
+    # the twin, another matrix by a unit in the last place
+    F[-1, 0] = np.nextafter(F[-1, 0], 0)
+    assert absolute_integrals(exact(F), exact(column)) == pytest.approx(bound, rel=1e-3)
+
+
+@pytest.mark.parametrize("angle", [0.09, 0.11])
+def test_a_pair_is_bounded_alike_whether_it_is_split_or_not(angle: float) -> None:
+    F, column = last_driven([-1 + 1j * angle, -1 - 1j * angle, -30])
+    bound = absolute_integrals(exact(F), exact(column))
+    assert bound is not None
+    assert bound == pytest.approx(graded(F, column), rel=0.01)
+    # the twin does not decay
+    F, column = last_driven([1 + 1j * angle, 1 - 1j * angle, -30])
+    assert absolute_integrals(exact(F), exact(column)) is None
+
+
 @pytest.mark.parametrize(("slow", "is_bounded"), [(-1e-6, True), (0.0, False), (1e-6, False)])
 def test_decay_of_the_slowest_mode_is_required(slow: float, is_bounded: bool) -> None:
     F, column = exact([[-1e3, 1e3], [0.0, slow]]), exact(np.ones((2, 1)))
