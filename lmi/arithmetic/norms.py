@@ -24,6 +24,12 @@ from lmi.arithmetic.balls import (
 from lmi.verdict import Verdict, proved, refuted, undecided
 
 
+def upper_balls(values: Exact) -> Exact:
+    """Upper bounds of the moduli of an array of balls, as exact balls in its shape."""
+    uppers = [value.abs_upper() for value in values.ravel()]
+    return np.array(uppers, dtype=object).reshape(values.shape)
+
+
 def nonnegative_inverse(M: list[list[Ball]]) -> list[list[Ball]] | None:
     """Bound (I - X)^-1 in balls for every X with entries in [0, M_ij].
 

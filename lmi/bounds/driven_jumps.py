@@ -9,7 +9,7 @@ and eta bounds what d adds from jump to jump. From bounds |e-| <= r that hold ju
 
 follows for a time theta after one: at theta of the range for the next jump, hence again a bound
 just before jumps, of which the smaller is kept. Long after a jump, where dwell times have no end or
-a far one, a Lyapunov form of the flow bounds what is left.
+a far one, the moduli of the flow's subspaces bound what is left.
 """
 
 from __future__ import annotations
@@ -23,24 +23,20 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     Ball,
-    Balls,
     Exact,
     Rational,
     ball,
     entries,
     exact,
-    exp_times,
     inverse,
     nearest_float,
     precision,
     rational,
     scalar,
-    solve_entries,
     to_float,
 )
-from lmi.arithmetic.norms import float_above
-from lmi.bounds.flow_cells import cells
-from lmi.bounds.peak_gain import decaying_integrals, lyapunov_matrices
+from lmi.arithmetic.norms import float_above, upper_balls
+from lmi.bounds.flow_cells import Cell, Course
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import rightmost
 
@@ -125,7 +121,7 @@ def driven_bounds(
         for _ in range(_REPEATS):
             last = _reached([step for step in steps if step.is_last], r, radius)
             smaller = np.array([a.min(b) for a, b in zip(r, last, strict=True)])
-            is_settled = all(new > old * 0.9999 for new, old in zip(smaller, r, strict=True))
+            is_settled = all(new >= old * 0.9999 for new, old in zip(smaller, r, strict=True))
             r = smaller
             if is_settled:
                 break
@@ -148,27 +144,27 @@ def _first(before: Exact | None, back: Exact, radius: Ball | None) -> Exact:
 def _steps(system: DrivenJumps, back: Exact) -> list[_Step] | None:
     """Bounds on cells that cover the times from 0 to the longest dwell time.
 
-    None where that is infinite and the flow is not proved to decay.
+    None where that is infinite, or far beyond all decay, and the flow is not proved to decay.
     """
-    n, F = len(system.F), system.F
     columns = np.hstack([system.H, system.H @ back, system.K, system.E])
-    split = np.cumsum([n, n, system.K.shape[1]])
-    sums, steps = np.array([scalar(0)] * n), list[_Step]()
-    end = _end(F, system.low, system.high)
+    end = _end(system.F, system.low, system.high)
     if math.isinf(end):
         return None
-    for start, length, count, is_last in _stages(F, system.low, end):
-        for cell in cells(F, exp_times(F, start) * ball(columns), start, length, count):
-            mapped, turned, kicked, _ = np.hsplit(cell.largest, split)
-            sums = _uppers(sums + _row_sums(np.hsplit(cell.integral, split)[3]))
-            steps.append(_Step(is_last, _uppers(mapped), _uppers(turned), sums + _row_sums(kicked)))
+    stretches, course = list[tuple[bool, Cell]](), Course.from_pair(system.F, columns)
+    for start, length, count, is_last in _stages(system.F, system.low, end):
+        stretches += [(is_last, cell) for cell in course.cells(start, length, count)]
     if end < system.high:
-        later = _later(F, exp_times(F, end) * ball(columns))
+        later = course.later(rational(end))
         if later is None:
             return None
-        mapped, turned, kicked, _ = np.hsplit(later.largest, split)
-        sums = _uppers(sums + _row_sums(np.hsplit(later.integral, split)[3]))
-        steps.append(_Step(True, _uppers(mapped), _uppers(turned), sums + _row_sums(kicked)))
+        stretches.append((True, later))
+    n = len(system.F)
+    split = np.cumsum([n, n, system.K.shape[1]])
+    sums, steps = np.array([scalar(0)] * n), list[_Step]()
+    for is_last, cell in stretches:
+        mapped, turned, kicked, _ = np.hsplit(cell.largest, split)
+        sums = upper_balls(sums + _row_sums(np.hsplit(cell.integral, split)[3]))
+        steps.append(_Step(is_last, mapped, turned, sums + _row_sums(kicked)))
     return steps
 
 
@@ -178,35 +174,11 @@ def _end(F: Exact, low: float, high: float) -> float:
     return min(high, low + _FORGOTTEN / decay) if decay > 0 else high
 
 
-@dataclass(frozen=True)
-class _Later:
-    """From some time on: largest |e^(Fs) X|, and its integral, (n, k) each."""
-
-    largest: Exact
-    integral: Exact
-
-
-def _later(F: Exact, X: Balls) -> _Later | None:
-    """Bounds for all s >= 0 by Q of F'Q + QF = -I; None unless F is proved to decay."""
-    unit = exact(np.eye(len(F)))
-    rate = float(np.float32(0.5 * -rightmost(to_float(F)).real))
-    integrals = decaying_integrals(F, unit, rate)  # also proves that F decays, hence Q > 0
-    solution = lyapunov_matrices(F, unit)
-    if integrals is None or solution is None:
-        return None
-    Q, columns = sum(solution[1:], solution[0]), entries(X)
-    back = solve_entries(Q, entries(ball(unit)))
-    if back is None:
-        return None
-    sizes = [value.abs_upper().sqrt() for value in (columns * (Q @ columns)).sum(axis=0)]
-    roots = [value.abs_upper().sqrt() for value in np.diag(back)]
-    return _Later(np.outer(roots, sizes), integrals(X))
-
-
 def _stages(F: Exact, low: float, high: float) -> Iterator[tuple[Rational, Rational, int, bool]]:
     """Start, length and number of cells, and whether a jump may happen there, up to `high`.
 
-    Lengths double as fast modes decay, up to where e^(Fs) can still be enclosed on a cell.
+    Lengths double as fast modes decay, up to where tangents still bound e^(Fs) on a cell; after
+    many cells the last ones are as long as it takes.
     """
     size = float(np.abs(to_float(F)).sum(axis=1).max(initial=0.0)) or 1.0
     start, longest = rational(0.0), rational(_LONGEST / size)
@@ -247,15 +219,10 @@ def _row_sums(X: Exact) -> Exact:
 
 def _largest(values: Sequence[Exact]) -> Exact:
     """The largest of several vectors, entry by entry, from above."""
-    result = _uppers(values[0])
+    result = upper_balls(values[0])
     for other in values[1:]:
-        result = np.array([a.max(b) for a, b in zip(result, _uppers(other), strict=True)])
+        result = np.array([a.max(b) for a, b in zip(result, upper_balls(other), strict=True)])
     return result
-
-
-def _uppers(values: Exact) -> Exact:
-    uppers = [value.abs_upper() for value in values.ravel()]
-    return np.array(uppers, dtype=object).reshape(values.shape)
 
 
 def _floats(values: Exact) -> Matrix:

@@ -31,7 +31,7 @@ from lmi.arithmetic.balls import (
     solve_entries,
     to_float,
 )
-from lmi.arithmetic.norms import nonnegative_inverse
+from lmi.arithmetic.norms import nonnegative_inverse, upper_balls
 
 # Pairs with imaginary parts below this part of the modulus are split: the real part of the vector,
 # then what is orthogonal to it. A double pole is computed as such a pair. The coupling this leaves
@@ -71,11 +71,11 @@ class FlowComparison:
         """Upper bounds (n, k) of |e^(Fs) X| for all s >= 0."""
         first = self._moduli(X)
         growth = _uppers_of_positive(self.W @ first)
-        return _uppers(self.sizes @ (first + self.N @ growth))
+        return upper_balls(self.sizes @ (first + self.N @ growth))
 
     def integrals(self, X: Balls) -> Exact:
         """Upper bounds (n, k) of the integrals of |e^(Fs) X| over s >= 0."""
-        return _uppers(self.sizes @ (self.N @ self._moduli(X)))
+        return upper_balls(self.sizes @ (self.N @ self._moduli(X)))
 
     def _moduli(self, X: Balls) -> Exact:
         """|z|, (K, k), for each column of X = T z."""
@@ -123,7 +123,7 @@ def _negative_inverse(W: Exact) -> Exact | None:
         [zero if i == j else W[i, j] / rates[i] for j in range(len(W))] for i in range(len(W))
     ]
     back = nonnegative_inverse(relative)
-    return None if back is None else _uppers(np.array(back) / rates)
+    return None if back is None else upper_balls(np.array(back) / rates)
 
 
 def _norm(values: Exact) -> Ball:
@@ -132,11 +132,6 @@ def _norm(values: Exact) -> Ball:
     if len(values) > 1:
         norm = sum((value * value for value in values), scalar(0)).abs_upper().sqrt()
     return norm.upper()
-
-
-def _uppers(values: Exact) -> Exact:
-    uppers = [value.abs_upper() for value in values.ravel()]
-    return np.array(uppers, dtype=object).reshape(values.shape)
 
 
 def _uppers_of_positive(values: Exact) -> Exact:

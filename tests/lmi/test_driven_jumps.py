@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from lmi.arithmetic.balls import exact
+from lmi.bounds import driven_jumps
 from lmi.bounds.driven_jumps import DrivenJumps, Radius, driven_bounds, radius_before_jumps
 from lmi.decide.stability import decide
 from lmi.find.largest_rates import largest_rates
@@ -93,3 +96,47 @@ def test_a_longest_dwell_time_far_away_or_none_is_all_the_same() -> None:
     still = (np.array([[0.0, 1.0], [-1.0, 0.0]]), np.diag([0.1, 0.1]))
     assert driven_bounds(system(still, 1.0, 3.0), box, None) is not None
     assert driven_bounds(system(still, 1.0, np.inf), box, None) is None
+
+
+def from_contraction(F: np.ndarray, high: float) -> Pair | None:
+    """Bounds where |H x| <= 0.5 |x| at jumps, and no stay lets |x| grow much."""
+    driven = system((F, np.diag([0.5, 0.3])), 1.0, high)
+    around = radius_before_jumps(driven, np.eye(2), 0.97)
+    return None if around is None else driven_bounds(driven, None, around)
+
+
+@pytest.mark.parametrize("high", [200.0, np.inf])
+@pytest.mark.parametrize("damping", [0.01, 0.001])
+def test_slow_decay_does_not_let_bounds_grow(damping: float, high: float) -> None:
+    """An oscillation that is driven without jumps comes to (2 / pi) |E| / damping."""
+    bounds = from_contraction(np.array([[0, 1], [-1, -2 * damping]]), high)
+    assert bounds is not None
+    without_jumps = 0.2 / np.pi / damping
+    assert (bounds[1] < 2 * without_jumps).all()
+    if np.isinf(high):
+        assert (bounds[1] > without_jumps).all()
+
+
+@pytest.mark.parametrize("damping", [0.0, -0.001])
+def test_no_decay_has_no_bound_without_jumps(damping: float) -> None:
+    F = np.array([[0, 1], [-1, -2 * damping]])
+    assert from_contraction(F, np.inf) is None
+    # the twin, while jumps come
+    assert from_contraction(F, 5.0) is not None
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1])
+def test_a_state_that_nothing_drives_settles(share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its bound is zero; with a share of the other state's it is not, and settles as soon."""
+    rounds, reached_on_cells = [], driven_jumps._reached
+
+    def counted(steps: list[driven_jumps._Step], *known: Any) -> Any:
+        rounds.append(len(steps))
+        return reached_on_cells(steps, *known)
+
+    monkeypatch.setattr(driven_jumps, "_reached", counted)
+    driven = system((np.diag([-1.0, -2.0]), np.array([[0, share], [0, 0.5]])), 0.5, 3.0)
+    bounds = driven_bounds(driven, exact(np.full(2, 1.0)), None)
+    assert bounds is not None
+    assert (bounds[0][0] == 0) == (share == 0)
+    assert len(rounds) < 30

@@ -267,9 +267,9 @@ def test_a_forged_norm_proves_nothing(name: str, value: Any) -> None:
 
 
 def cascade() -> Body:
-    """Two stages whose error has a tube, and a norm that contracts."""
+    """Two stages, turned at jumps, whose error has a tube, and a norm that says more."""
     body = kicked(observer={"kind": "luenberger", "gains": {"L": [[0], [0]], "M": [[0], [0]]}})
-    body["jump"] |= {"G": [[0.5, 0], [0, 0.5]], "dwell_time": [0.5, "inf"]}
+    body["jump"] |= {"G": [[0.5, -0.3], [0.3, 0.5]], "dwell_time": [0.5, "inf"]}
     body["flow"]["A"] = [[-1, 0], [1, -1]]
     body["parameter"][0] |= {"range": [0.9, 1.1], "A": [[0, 0], [1, 0]]}
     return body
