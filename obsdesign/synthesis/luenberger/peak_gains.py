@@ -47,12 +47,15 @@ class GainSearch:
         with np.errstate(all="ignore"):
             return self.driven.cost(gains)
 
-    def first_flow_gain(self) -> Matrix | None:
-        """L of the matrix inequality, held to the constraints; None where it meets them not."""
+    def first_flow_gain(self, budget: TimeBudget) -> Matrix | None:
+        """L of the matrix inequality, held to the constraints; None where they exclude it.
+
+        budget: ends the line of rates, of which the best gain so far counts.
+        """
         if "L" not in self.free:
             return None
         with np.errstate(all="ignore"):
-            L = _least_peak(self.driven)
+            L = _least_peak(self.driven, budget)
         if L is None:
             return None
         gains = self._rounded(GainPair(L, np.zeros(L.shape)))
@@ -175,8 +178,8 @@ class GainSearch:
         return np.where(own > 0, own, natural)
 
 
-def _least_peak(driven: DrivenPlant) -> Matrix | None:
-    """The gain of the inequality whose sum of bounds is least over a line of rates."""
+def _least_peak(driven: DrivenPlant, budget: TimeBudget) -> Matrix | None:
+    """The gain of the inequality whose sum of bounds is least over a line of rates, in time."""
     A, C, units = driven.plant.flow.A, driven.plant.output.C, driven.units
     pace = spectral_radius(np.abs(A)) or 1.0
     outputs = driven.outputs  # what the unit of y is does not matter
@@ -186,7 +189,7 @@ def _least_peak(driven: DrivenPlant) -> Matrix | None:
                              own, on_output)  # fmt: skip
 
     def at(rate: float) -> tuple[float, float, Matrix] | None:
-        gain = peak_gain(system, rate)
+        gain = peak_gain(system, rate) if budget.remaining() > 0 else None
         if gain is None:
             return None
         L = units[:, None] * gain.L * pace / outputs

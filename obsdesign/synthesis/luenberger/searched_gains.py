@@ -129,9 +129,11 @@ def _peak_candidates(
     problem: Problem, search: GainSearch, budget: TimeBudget
 ) -> Iterator[Candidate]:
     """Candidates with L of the matrix inequality; with jumps that L searched, jumps left out."""
-    L = search.first_flow_gain()
+    in_time = budget.part(_SHARE)
+    L = search.first_flow_gain(in_time)
     if L is None:
         return
+    remarks = remark_end("a first L", in_time.ended())
     label = "peak-to-peak L"
     if problem.plant.jump is not None:
         label, L = f"{label}, then searched", search.improved_flow_gain(L, budget.part(_SHARE))
@@ -140,4 +142,5 @@ def _peak_candidates(
     if "M" in search.free:
         choices.append(with_gains(problem, f"{label}, M = 0", GainPair(L, 0 * L), budget))
     for each in choices:
-        yield replace(each, searched=True, solvers=merged(("Clarabel",), each.solvers))
+        yield replace(each, searched=True, solvers=merged(("Clarabel",), each.solvers),
+                      remarks=(*remarks, *each.remarks))  # fmt: skip

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.find.peak_to_peak import DisturbedOutput, PeakGain, peak_gain
+from lmi.time_budget import TimeBudget
 from obsdesign.analysis.nominal import nominal_problem
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.luenberger import peak_gains
 from obsdesign.synthesis.luenberger.driven_plant import GainPair
 from obsdesign.synthesis.luenberger.error_bound import known_box
+from obsdesign.synthesis.luenberger.peak_gains import GainSearch
 from obsdesign.synthesis.luenberger.searched_gains import gain_searches
 from obsdesign.workflow import Outcome, investigate
 from tests.systems.designs import designed
@@ -128,12 +132,15 @@ def test_constraints_hold_at_jumps_too() -> None:
     assert cost(result) < 1.02 * cost(given)
 
 
-def estimate(body: Body, L: Matrix, M: Matrix) -> float:
+def first_search(body: Body) -> GainSearch:
     problem = Problem.from_dict(body)
     box = known_box(problem)
     assert box is not None
-    search = gain_searches(problem, nominal_problem(problem), box, None)[0]
-    return search.cost(GainPair(L, M))
+    return gain_searches(problem, nominal_problem(problem), box, None)[0]
+
+
+def estimate(body: Body, L: Matrix, M: Matrix) -> float:
+    return first_search(body).cost(GainPair(L, M))
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
@@ -280,6 +287,25 @@ def test_a_gain_that_leaves_a_singular_map_at_jumps_has_a_bound() -> None:
     gains = {"L": [[12.2], [62.2]], "M": [[0.99998], [0]]}
     near = outcome(kicked_often(gains=gains | {"M": [[0.99], [0]]}))
     assert cost(outcome(kicked_often(gains=gains))) == pytest.approx(cost(near), rel=0.01)
+
+
+@pytest.mark.parametrize(("seconds", "most"), [(None, 12), (0.2, 4)])
+def test_time_ends_the_line_of_rates(
+    seconds: float | None, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its best gain so far is the first L, with time or without."""
+    rates = set()
+
+    def slow_gain(system: DisturbedOutput, rate: float) -> PeakGain | None:
+        end = time.process_time() + 0.1
+        while time.process_time() < end:
+            rates.add(rate)
+        return peak_gain(system, rate)
+
+    monkeypatch.setattr(peak_gains, "peak_gain", slow_gain)
+    L = first_search(quiet()).first_flow_gain(TimeBudget.from_seconds(seconds))
+    assert L is not None
+    assert len(rates) == most if seconds is None else 0 < len(rates) < most
 
 
 def test_a_search_of_gains_leaves_time_for_the_proofs() -> None:
