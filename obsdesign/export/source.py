@@ -90,9 +90,8 @@ def _timing(export: Export, has_jumps: bool) -> NewEntries:
     unit = program.target.unit
     within = [each for each in timing.ticks if timing.limit is None or each <= timing.limit]
     off = [_tolerance(length, unit, timing.error) for length in timing.lengths]
-    due = "!jump" if rules.when == "none" else "true"
-    if not program.has_bounds:
-        due = f"jump ? {_word(rules.when != 'none')} : {_word(rules.corrects)}"
+    between = rules.corrects or timing.limit is not None
+    due = f"jump ? {_word(rules.when != 'none')} : {_word(between)}"
     return {
         "step_error": f"{timing.error:.3g}" if timing.error else "",
         "lengths": ", ".join(f"{length:.9g}" for length in timing.lengths),
