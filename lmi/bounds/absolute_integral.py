@@ -6,7 +6,9 @@ itself, which is exact; on others it is at most that of the chord and the deviat
     int_a^b |f| <= int_a^b |chord| + (b - a)^3 / 12 max |f''|,
 
 and the same bound of f'' shows where the sign is kept. It is that of `lmi.bounds.flow_comparison`
-for all later s, so that cells grow as fast modes decay; what is left after the last one is small.
+for all later s, so that cells grow as fast modes decay. What is left after the last one is bounded
+in moduli: little, unless the damping ratio is below some 0.02, where the cells end before decay,
+and the sum is up to some pi / 2 times the integral.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ _BITS = 160
 # the first cell spans this much of 1 / ||F||, the others that times powers of two; so many cells
 # are multiplied from one to the next before e^(Fs) is computed anew, in so many groups
 _REACH, _CELLS, _GROUPS = 2.0**-5, 32, 50
-# what cells may add to integrals, and what may remain behind the last one, in parts of them
+# what cells may add to integrals, and with how little left behind the last one they end, in parts
 _ALLOWED, _REMAINDER = 0.002, 1e-4
 
 

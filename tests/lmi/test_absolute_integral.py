@@ -109,6 +109,18 @@ def test_equal_poles_are_bounded_as_those_that_differ(poles: list[complex]) -> N
     assert absolute_integrals(exact(F), exact(column)) == pytest.approx(bound, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("damping", "excess"), [(0.03, 0.001), (0.01, 0.08), (0.003, 0.31), (0.001, 0.47), (1e-6, 0.57)]
+)
+def test_little_damping_costs_at_most_the_envelope(damping: float, excess: float) -> None:
+    """The integral of |e^(-ds) sin(ws)| / w, d^2 + w^2 = 1, is coth(pi d / 2w)."""
+    F, column = np.array([[0, 1], [-1, -2 * damping]]), np.array([[0.0], [1.0]])
+    bound = absolute_integrals(exact(F), exact(column))
+    assert bound is not None
+    integral = 1 / np.tanh(np.pi * damping / 2 / np.sqrt(1 - damping**2))
+    assert 1 < bound[0, 0] / integral < 1.01 + excess
+
+
 @pytest.mark.parametrize("angle", [0.09, 0.11])
 def test_a_pair_is_bounded_alike_whether_it_is_split_or_not(angle: float) -> None:
     F, column = last_driven([-1 + 1j * angle, -1 - 1j * angle, -30])

@@ -1,9 +1,9 @@
 """Ultimate bounds of the error of a point observer, in balls.
 
-Without jumps that of |e_i| is sum_k int_0^inf |(e^(Fs) E)_ik| ds, which some disturbance attains.
-With jumps, the smaller, entry by entry, of a tube of |e|' <= Mz(F) |e| + |E| 1,
-|e+| <= |H| |e| + |K| 1, in which signs are lost, and of what a norm that contracts from jump to
-jump gives.
+Without jumps that of |e_i| is sum_k int_0^inf |(e^(Fs) E)_ik| ds, which some disturbance attains
+if x, inputs and noise in their boxes act independently. With jumps,
+the smaller, entry by entry, of a tube of |e|' <= Mz(F) |e| + |E| 1, |e+| <= |H| |e| + |K| 1, in
+which signs are lost, and of what a norm that contracts from jump to jump gives.
 """
 
 from __future__ import annotations

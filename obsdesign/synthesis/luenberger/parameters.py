@@ -37,8 +37,8 @@ _NO_LIMIT = (
 
 
 @dataclass(frozen=True)
-class _Plant:
-    """What is known of a plant by itself: certificates, solvers that they took, and remarks."""
+class _StabilityEvidence:
+    """On stability of the plant by itself: certificates, solvers that they took, and remarks."""
 
     certificates: EntriesByClaim
     solvers: Solvers
@@ -81,23 +81,23 @@ def uncertain_candidates(
         )
 
 
-def _stability(problem: Problem, budget: TimeBudget) -> _Plant:
+def _stability(problem: Problem, budget: TimeBudget) -> _StabilityEvidence:
     """Stability of the plant by itself: required where both gains are zero, else useful."""
     family, ends = stability_family(problem.plant), stability_dwell(problem)
     verdict = decide_uncertain(family, *ends, budget=budget)
     if verdict.outcome == "proved":
         certificate = certificate_of(verdict.evidence)
-        return _Plant({"robust_stability": certificate}, verdict.solvers, ())
+        return _StabilityEvidence({"robust_stability": certificate}, verdict.solvers, ())
     if concerns_plant_alone(problem):
-        return _Plant({"robust_stability": verdict.evidence}, verdict.solvers, ())
+        return _StabilityEvidence({"robust_stability": verdict.evidence}, verdict.solvers, ())
     if verdict.outcome == "refuted":
-        return _Plant({"robust_instability": verdict.evidence}, (), ())
+        return _StabilityEvidence({"robust_instability": verdict.evidence}, (), ())
     end = ended_part(verdict.evidence)
     if end:
-        return _Plant({}, (), remark_end("stability of the plant by itself", end))
+        return _StabilityEvidence({}, (), remark_end("stability of the plant by itself", end))
     reason = verdict.evidence.get("reason", "no certificate was found")
     text = f"whether the plant by itself is stable for all its parameters is open: {reason}"
-    return _Plant({}, (), (Remark(text),))
+    return _StabilityEvidence({}, (), (Remark(text),))
 
 
 def _cost(certificates: EntriesByClaim, box: KnownBox) -> float:

@@ -26,7 +26,8 @@ from obsdesign.verification.rates import shown
 
 ID = "error_bound"
 _TUBE = ("tube", "after_jump", "before_jump", "always")
-_SOURCE = "variation of constants; tube, and contraction from jump to jump"
+_SOURCE = "variation of constants"
+_SOURCE_WITH_JUMPS = f"{_SOURCE}; tube, and contraction from jump to jump"
 
 
 @dataclass(frozen=True)
@@ -62,13 +63,14 @@ def error_bound_claim(
         verdict = undecided("the certificate proves no bounds, or a part of it is not proved")
     elif _are_above(bounds, proof):
         verdict = proved(**certificate.stated())
-    statement = f"`always` is an ultimate bound of |x - x_hat|: {drive}"
+    statement, source = f"`always` is an ultimate bound of |x - x_hat|: {drive}", _SOURCE
     if dwell is not None:
+        source = _SOURCE_WITH_JUMPS
         statement = (
             f"for every sequence of dwell times in {dwell} ultimate bounds of |x - x_hat| are "
             f"`always`, and before_jump just before jumps: {drive}"
         )
-    return (Claim.from_verdict(ID, statement, _SOURCE, verdict),)
+    return (Claim.from_verdict(ID, statement, source, verdict),)
 
 
 def _are_above(bounds: tuple[Array, ...], proof: ErrorBounds) -> bool:

@@ -1,8 +1,9 @@
 """Claims, guarantees and warnings of point observers of plants with parameters.
 
 Proved of the nominal error, every parameter in the middle of its range: it decays. What parameters
-add vanishes as x does; where x stays in a known box, the error stays within `error_bound`. That the
-plant by itself is stable is claimed where it is proved, and required where both gains are zero.
+add vanishes as x does; where x stays in a known box, the error comes to `error_bound` at most, an
+ultimate bound. That the plant by itself is stable is claimed where it is proved, and required where
+both gains are zero.
 """
 
 from __future__ import annotations
