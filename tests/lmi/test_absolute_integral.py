@@ -144,3 +144,25 @@ def test_nothing_is_bounded_that_does_not_decay() -> None:
     assert absolute_integrals(exact([[0.0, 1.0], [-1.0, 0.0]]), column) is None
     # the twin
     assert absolute_integrals(exact(np.diag([-1.0, -1e-3])), column) is not None
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
+def test_a_fast_state_that_acts_on_no_slow_one_leaves_it_close(order: tuple[int, ...]) -> None:
+    """A sensor 3000 times as fast as the wall, and a second wall behind the first one."""
+    F = np.array([[-300.0, 300.0, 0.0], [0.0, -0.1, 0.0], [0.0, 0.2, -0.2]])
+    E = np.array([[30.0, 0.0], [0.0, 0.01], [0.0, 0.0]])
+    exactly = np.array([[0.1, 0.1], [0.0, 0.1], [0.0, 0.1]])
+    bound = absolute_integrals(exact(F[np.ix_(order, order)]), exact(E[list(order)]))
+    assert bound is not None
+    assert (bound >= exactly[list(order)] * (1 - 1e-15)).all()
+    assert bound == pytest.approx(exactly[list(order)], rel=3e-3)
+
+
+def test_a_state_that_nothing_drives_must_decay_too() -> None:
+    F = np.array([[-1.0, 1.0], [0.0, 0.1]])
+    assert absolute_integrals(exact(F), exact([[1.0], [0.0]])) is None
+    assert absolute_integrals(exact(F.T), exact([[1.0], [0.0]])) is None
+    F[1, 1] = -0.1
+    assert absolute_integrals(exact(F), exact([[1.0], [0.0]])) == pytest.approx(
+        np.array([[1.0], [0.0]])
+    )
