@@ -11,6 +11,7 @@ from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.bounds.driven_jumps import Radius
 from lmi.bounds.tube import Tube
 from lmi.solvers import Solvers, merged
+from lmi.time_budget import TimeBudget
 from obsdesign.analysis.luenberger.driven_error import (
     DrivenError,
     driven_error,
@@ -45,26 +46,28 @@ def known_box(problem: Problem) -> KnownBox | None:
 
 
 def bound_certificates(
-    problem: Problem, gains: LuenbergerGains, known: EntriesByClaim, box: KnownBox
-) -> Certificates:
+    problem: Problem, gains: LuenbergerGains, known: EntriesByClaim, box: KnownBox,
+    budget: TimeBudget,
+) -> Certificates:  # fmt: skip
     """Certificates of the claims on the box and on the error; none where no bound is proved.
 
-    known: certificates of the nominal error.
+    known: certificates of the nominal error; budget: of norms that are tried beside a bound.
     """
     error = driven_error(problem.plant, gains, box.bounds)
     entries: Entries
     if problem.plant.jump is None:
         entries, solvers = _stated(bounds_without_jumps(error)), cast(Solvers, ())
     else:
-        entries, solvers = _with_jumps(error, stability_dwell(problem), known, box.units)
+        entries, solvers = _with_jumps(error, stability_dwell(problem), known, box.units, budget)
     if not entries:
         return Certificates()
     return Certificates({**box.certificates, "error_bound": entries}, merged(box.solvers, solvers))
 
 
 def _with_jumps(
-    error: DrivenError, ends: tuple[float, float], known: EntriesByClaim, units: Matrix
-) -> tuple[Entries, Solvers]:
+    error: DrivenError, ends: tuple[float, float], known: EntriesByClaim, units: Matrix,
+    budget: TimeBudget,
+) -> tuple[Entries, Solvers]:  # fmt: skip
     """The certificate of an error with jumps, empty where nothing is proved, and its solvers.
 
     Of the norms that contract, that of the least bounds in sum, in these units (n,).
@@ -79,6 +82,8 @@ def _with_jumps(
         bounds = bounds_with_jumps(error, ends, proposed, radius)
         if bounds is not None and _total(bounds, units) < _total(least, units):
             least, chosen = bounds, contraction
+        if least is not None and budget.remaining() < 0:
+            break
     entries = _stated(least)
     if not entries:
         return {}, ()
@@ -92,7 +97,7 @@ def _with_jumps(
 def _proved_norms(
     error: DrivenError, ends: tuple[float, float], known: EntriesByClaim
 ) -> Iterator[tuple[Contraction, Radius]]:
-    """Norms in which the error is proved to contract, and what it comes to in them."""
+    """Norms in which the error is proved to contract, and its ultimate bound in them."""
     for norm in contractions(error, ends, known):
         proofs = ((each, contraction_radius(error, ends, each)) for each in norm)
         proved = next(((each, radius) for each, radius in proofs if radius is not None), None)

@@ -64,7 +64,7 @@ def uncertain_candidates(
     open_choice = () if box is None or is_L_limited else (Remark(_NO_LIMIT),)
     in_time = budget.part(_COMPARING)
     for place, candidate in enumerate(candidates):
-        gains, bounds = candidate.gains, _bounds(problem, candidate, box)
+        gains, bounds = candidate.gains, _bounds(problem, candidate, box, in_time)
         if isinstance(gains, LuenbergerGains) and bounds.evidence:
             gains = replace(gains, **counted_inputs(problem.plant))
         yield replace(
@@ -107,8 +107,10 @@ def _cost(certificates: EntriesByClaim, box: KnownBox) -> float:
     return float((np.array(certificates["error_bound"]["always"]) / box.units).sum())
 
 
-def _bounds(problem: Problem, candidate: Candidate, box: KnownBox | None) -> Certificates:
+def _bounds(
+    problem: Problem, candidate: Candidate, box: KnownBox | None, budget: TimeBudget
+) -> Certificates:
     """Certificates on the error of a candidate; none where no bound is claimed."""
     if box is None or not isinstance(candidate.gains, LuenbergerGains):
         return Certificates()
-    return bound_certificates(problem, candidate.gains, candidate.certificates, box)
+    return bound_certificates(problem, candidate.gains, candidate.certificates, box, budget)
