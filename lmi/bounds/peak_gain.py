@@ -64,14 +64,14 @@ def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Matrix | None:
     """sqrt(b' P b / (2 rate)) for every c and b; None unless F + rate I is proved Hurwitz."""
     if not (np.isfinite(rate) and rate > 0):
         return None
-    bound = decaying_integrals(F, C, rate)
+    bound = _decaying_integrals(F, C, rate)
     if bound is None:
         return None
     values = bound(ball(B))
     return np.array([[float_above(value) for value in row] for row in values])
 
 
-def decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exact] | None:
+def _decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exact] | None:
     """B -> upper bounds in balls of the integrals of |C e^(Fs) B|, (rows of C, columns of B).
 
     rate > 0: the a of the inequality. None unless F + rate I is proved Hurwitz.
@@ -79,7 +79,7 @@ def decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exa
     shifted = F + exact(rate * np.eye(len(F)))
     if prove_hurwitz(shifted).outcome != "proved":
         return None
-    solution = lyapunov_matrices(shifted, C)
+    solution = _lyapunov_matrices(shifted, C)
     if solution is None:
         return None
     weight = 1 / (2 * scalar(exact(rate).item()))
@@ -93,7 +93,7 @@ def decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exa
     return integrals
 
 
-def lyapunov_matrices(F: Exact, C: Exact) -> list[Exact] | None:
+def _lyapunov_matrices(F: Exact, C: Exact) -> list[Exact] | None:
     """P of F'P + P F = -c'c for each row c, in the entries of its upper triangle, in balls."""
     k = len(F)
     rows, columns = np.triu_indices(k)

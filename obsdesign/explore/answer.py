@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from obsdesign import workflow
 from obsdesign.errors import InputError
 from obsdesign.html_table import html_table
 from obsdesign.kinds import GIVING_BOUNDS, SEARCHES
 from obsdesign.notebook import plot, run, simulate
+from obsdesign.pages.estimates import first_bounds
 from obsdesign.pages.key_numbers import state_table
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.record import end_of_record
@@ -113,11 +112,7 @@ def _paragraph(text: str, verdict: str = "") -> str:
 def _picture(problem: Problem, design: Design) -> bytes:
     """A PNG of the observer on a simulation; InputError where the plant cannot be simulated."""
     record = simulate(problem, until=end_of_record(problem.plant))
-    initial = None
-    if design.kind in GIVING_BOUNDS:
-        x = record.block("x")[0]
-        # not around the truth: nobody knows it so well
-        initial = np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
+    initial = first_bounds(record.block("x")[0]) if design.kind in GIVING_BOUNDS else None
     drawn = io.BytesIO()
     plot(run(design, record, initial=initial)).savefig(drawn, format="png", dpi=_DPI)
     return drawn.getvalue()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lmi.arithmetic.arrays import NewEntries
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from obsdesign import workflow
 from obsdesign.data.csv_text import table_text
 from obsdesign.data.execution import execute
@@ -146,9 +146,13 @@ def _simulated(design: Design, folder: str) -> tuple[str, list[float] | None] | 
     write_text(source, table_text(run.columns))
     if design.kind not in GIVING_BOUNDS:
         return source, None
-    x = run.block("x")[0]
+    return source, first_bounds(run.block("x")[0])
+
+
+def first_bounds(x: Matrix) -> list[float]:
+    """Bounds x1_lo, x1_hi, ... that a simulated run starts from; x (n,): the true first state."""
     # not around the truth: nobody knows it so well
-    return source, np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
+    return np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
 
 
 def _other_estimate(other: Design, folder: str, data: DataSource) -> str:

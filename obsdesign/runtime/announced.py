@@ -27,8 +27,6 @@ def closing(stamp: float, error: float) -> float:
 
 def uncertain(sample: Sample, errors: Sequence[float]) -> list[Announced]:
     """Events of a row whose times are uncertain."""
-    if not sample.jump and not sample.events:
-        return []
     places = sample.events or ((0,) if sample.jump else ())
     return [
         Announced(k, float(sample.t), sample.w) for k in places if k < len(errors) and errors[k]

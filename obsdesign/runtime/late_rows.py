@@ -92,14 +92,14 @@ class LateRows:
 
     def _put(self, sample: Sample, rank: int, *, in_file_order: bool) -> int | None:
         """Where the row stands, or fills another of its time; None or ValueError as `insert`."""
-        place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
-        first = bisect_left(self._rows, sample.t, hi=place, key=lambda row: row.t)
         if not self._may_repeat:
-            same = self._rows[first : first + 1]
-            if same and same[0].t == sample.t:
-                both = same[0]._replace(sample=_merged(same[0].sample, sample))
-                self._rows = [*self._rows[:first], both, *self._rows[first + 1 :]]
-                return first
+            first = bisect_left(self._rows, sample.t, key=lambda row: row.t)
+            for row in self._rows[first : first + 1]:
+                if row.t == sample.t:
+                    both = row._replace(sample=_merged(row.sample, sample))
+                    self._rows = [*self._rows[:first], both, *self._rows[first + 1 :]]
+                    return first
+        place = bisect_right(self._rows, (sample.t, rank), key=lambda row: row[:2])
         if self._now_before > sample.t and not in_file_order:
             before = self._place_by_stages(sample, place)
             if before is None:

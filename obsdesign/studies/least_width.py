@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -33,6 +34,21 @@ class Standstill:
     widths: Matrix
     C: Matrix
     noise: Matrix
+
+    @cached_property
+    def _echelon(self) -> tuple[Exact, list[int]]:
+        """The equations in reduced row echelon form, and its pivot columns."""
+        equations = exact(self.equations)
+        return row_echelon(equations)[0], pivot_columns(equations)
+
+    def exact_solution(self, near: Matrix) -> Exact:
+        """A rational solution of equations @ z = 0 near a vector of floats."""
+        reduced, pivots = self._echelon
+        z = exact(near)
+        free = [j for j in range(len(near)) if j not in pivots]
+        for row, pivot in enumerate(pivots):
+            z[pivot] = -sum((reduced[row, j] * z[j] for j in free), rational(0))
+        return z
 
 
 def least_widths(plant: Plant) -> list[float | None]:
@@ -95,20 +111,9 @@ def _largest(problem: Standstill, i: int) -> float | None:
     solution = minimise(cost, rows, (-sides, sides), (-limits, limits))
     if solution is None:
         return None
-    z = _exact_solution(problem.equations, solution)
+    z = problem.exact_solution(solution)
     readings = exact(problem.C) @ z[:n]
     sizes = [*zip(z[n:], problem.widths, strict=True), *zip(readings, problem.noise, strict=True)]
     scale = min((rational(float(most)) / abs(x) for x, most in sizes if x), default=rational(1))
     value = abs(z[i]) * min(scale, rational(1))
     return nearest_float(value) * _ROUNDED_DOWN if value else None
-
-
-def _exact_solution(equations: Matrix, near: Matrix) -> Exact:
-    """A rational solution of equations @ z = 0 near a vector of floats."""
-    reduced, rank = row_echelon(exact(equations))
-    pivots = pivot_columns(exact(equations))
-    z = exact(near)
-    free = [j for j in range(len(near)) if j not in pivots]
-    for row, pivot in enumerate(pivots[:rank]):
-        z[pivot] = -sum((reduced[row, j] * z[j] for j in free), rational(0))
-    return z

@@ -50,7 +50,7 @@ def first_state(run: FreeRun, track: Track, row: int, spread: Matrix, root: Matr
     x = free + moves @ np.linalg.solve(upper, Q[: len(white)].T @ white)
     newer = run.maps(run.runs(times)[-1][2]).newer
     x[-1] += newer @ (track.y[row] - C @ x[-1])
-    left = moves[-1] @ np.linalg.inv(upper)
+    left = np.linalg.solve(upper.T, moves[-1].T).T
     left = left - newer @ C @ left
     return FirstState(x, left @ left.T)
 
