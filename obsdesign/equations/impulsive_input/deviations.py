@@ -31,6 +31,7 @@ from obsdesign.equations.impulsive_input.evaluation_rule import (
 )
 from obsdesign.equations.impulsive_input.features import (
     FeatureWindow,
+    feature_flows_at,
     feature_scales,
     filtered_system,
     window_matrix,
@@ -176,7 +177,7 @@ class NoisyImpulses:
         ages, weights = window_nodes(window.tau, age)
         scales = feature_scales(window.exponents, window.tau)
         kernels = np.exp(np.outer(ages, window.exponents)) * scales
-        flows = -expm(F * ages[:, None, None])[:, :, :n] @ self.K  # (nodes, n + p m, p)
+        flows = -feature_flows_at(F, n, ages) @ self.K  # (nodes, n + p m, p)
         for j in range(p):
             rows = slice(n + j * kernels.shape[1], n + (j + 1) * kernels.shape[1])
             flows[:, rows, j] += kernels

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Array
-from lmi.arithmetic.exponential import exponential_grid
+from lmi.arithmetic.exponential import expm, exponential_grid
 from lmi.arithmetic.units import balance
 
 
@@ -97,6 +97,13 @@ def feature_flows(
     if units is None:
         units = feature_units(F, n, abs(start) + abs(step) * count)
     return _flowing(F, np.eye(n), start, step, count, units=units)
+
+
+def feature_flows_at(F: Array, n: int, times: Array) -> Array:
+    """First n columns of e^{F s} at any times s >= 0, (k, len(F), n), in units of their own."""
+    units = feature_units(F, n, float(np.max(times, initial=0.0)))
+    flows = expm(F * units / units[:, None] * times[:, None, None])[:, :, :n]
+    return np.asarray(flows * (units[:, None] / units[:n]))
 
 
 def impulse_responses(

@@ -32,7 +32,7 @@ _LEAST_GAIN = 0.98  # deviation against the rule's, from which another choice co
 _SAME = 1.02  # deviation against the best one's, up to which fewer exponents are preferred
 _CONFIRMED = 1.001  # deviation against IPOPT's, up to which evenly spaced exponents are kept
 _FASTEST = 6.0  # exponents may be this much faster than the slowest
-_DIGITS = 6  # of exponents from IPOPT
+_BITS = 20  # of exponents from IPOPT
 
 
 @dataclass(frozen=True)
@@ -179,5 +179,6 @@ class _Search:
 
 
 def _rounded(exponents: Matrix) -> Matrix:
-    """Exponents with the digits that matter: other machines come to the same."""
-    return np.array([float(f"{value:.{_DIGITS}g}") for value in exponents.tolist()])
+    """Exponents with the bits that matter, in any unit: other machines come to the same."""
+    parts, powers = np.frexp(exponents)
+    return np.asarray(np.ldexp(np.round(np.ldexp(parts, _BITS)), powers - _BITS))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.balls import Ball, Exact, ball, exact
+from lmi.arithmetic.balls import Ball, Exact, ball, exact, rational
 from lmi.arithmetic.polynomials import times
 from lmi.prove import exponential_sign as signs
 from obsdesign.verification.impulsive_input.second_solution import FeatureCurve
@@ -80,7 +80,7 @@ class PlaneCurve:
     def _boxes(self, low: float, high: float) -> Iterator[signs.Box]:
         """Boxes of ages with (b_i, b_j, b_i', b_j'); used up by one look."""
         rows = [self.curve.n + index for index in self.pair]
-        whole, state = _with_derivatives(self.curve.F, self.curve.z, rows)
+        whole, state = _with_derivatives(self.curve.F, self.curve.z, rows, self.curve.tau)
         return signs.boxes(whole, ball(state), low, high, list(range(4)), effort=self.effort)
 
     def _beside_start(self, box: signs.Box) -> signs.Polynomial:
@@ -98,12 +98,15 @@ def _turn(box: signs.Box) -> signs.Polynomial:
     return signs.combined((1, times(p, dq)), (-1, times(q, dp)))
 
 
-def _with_derivatives(F: Exact, z: Exact, rows: list[int]) -> tuple[Exact, Exact]:
-    """A system whose first four entries are b_i, b_j and their derivatives, then the old one."""
-    N = len(F)
+def _with_derivatives(F: Exact, z: Exact, rows: list[int], tau: float) -> tuple[Exact, Exact]:
+    """A system whose first four entries are b_i, b_j and their derivatives, then the old one.
+
+    Derivatives by time over a power of two near tau: units of time change no size of an entry.
+    """
+    N, unit = len(F), rational(math.ldexp(1.0, math.frexp(tau)[1]))
     picked = np.vstack([F[rows[0] : rows[0] + 1], F[rows[1] : rows[1] + 1]])
-    top = np.vstack([picked, picked @ F])
+    top = np.vstack([picked, picked @ F * unit])
     whole = np.hstack([np.vstack([exact(np.zeros((4, 4))), exact(np.zeros((N, 4)))]),
                        np.vstack([top, F])])  # fmt: skip
-    start = np.vstack([z[rows[0] : rows[0] + 1], z[rows[1] : rows[1] + 1], picked @ z, z])
+    start = np.vstack([z[rows[0] : rows[0] + 1], z[rows[1] : rows[1] + 1], picked @ z * unit, z])
     return whole, start

@@ -269,3 +269,29 @@ def test_chosen_exponents_are_no_eigenvalues_of_the_chosen_observer(
     modes = np.linalg.eigvals(flow_error_matrix(gains.A, gains.K, gains.C))
     distances = np.abs(gains.exponents[:, None] - modes) / np.abs(gains.exponents)[:, None]
     assert distances.min() > 1e-4
+
+
+def _exponents_in_units(y: float, t: float) -> Any:
+    """Chosen exponents of an oscillator in noise; y and t in units that are as much smaller."""
+    flow, K = np.array([[-0.17, 1.3], [-1.3, -0.17]]), np.array([[0.9], [0.8]])
+    problem = obsdesign.Problem.from_dict(
+        {
+            "flow": {"A": (flow / t).tolist()},
+            "jump": {"H": [[1.0], [0.0]], "dwell_time": [20.0 * t, "inf"]},
+            "output": {
+                "C": [[0.0, y]], "measured": "periodic", "period": 0.17 * t, "noise_std": [0.003 * y]
+            },
+            "observer": {
+                "kind": "impulsive_input", "operator": "integral",
+                "gains": {"K": (K / y / t).tolist()},
+            },
+        }
+    )  # fmt: skip
+    return obsdesign.design(problem).gains["exponents"] * t
+
+
+@pytest.mark.parametrize(("y", "t"), [(-37, 0), (40, 0), (37, 30), (60, -30)])
+def test_exponents_do_not_depend_on_units_of_y_and_t(y: int, t: int) -> None:
+    own = _exponents_in_units(1.0, 1.0)
+    assert len(own) > 4  # more than the rule has: chosen in noise
+    np.testing.assert_array_equal(_exponents_in_units(2.0**y, 2.0**t), own)

@@ -9,7 +9,12 @@ import pytest
 
 from lmi.arithmetic.balls import exact
 from obsdesign.equations.impulsive_input.features import FeatureWindow
-from obsdesign.verification.impulsive_input.uniqueness import _by_theorem, _one_feature, _opposite
+from obsdesign.verification.impulsive_input.uniqueness import (
+    _by_theorem,
+    _one_feature,
+    _opposite,
+    decide_uniqueness,
+)
 
 
 def method_of(D: list, C: list, H: list, count: int, tau: float = 3.0) -> str | None:
@@ -95,3 +100,16 @@ def test_opposite_features_are_half_a_turn_apart(growth: float, phase: float) ->
     # a turn that ends before that, and features that do not turn
     assert _opposite(b[:28], 0, 2, margin, step) is None
     assert _opposite(b, 0, 1, margin, step) is None
+
+
+@pytest.mark.parametrize("unit", [-30, 0, 30])
+@pytest.mark.parametrize(("speed", "outcome"), [(0.8, "proved"), (8.0, "refuted")])
+def test_units_of_time_do_not_decide(unit: int, speed: float, outcome: str) -> None:
+    time = 2.0**unit
+    D = np.array([[-0.3, speed], [-speed, -0.3]]) / time
+    window = FeatureWindow(
+        exact(D), exact([[0.0, 1.0]]), exact([[1.0], [0.0]]),
+        exponents=-np.array([1.0, 2.0]) / time, tau=3.0 * time, margin=0.1 * time,
+    )  # fmt: skip
+    verdict = decide_uniqueness(window)
+    assert verdict.outcome == outcome
