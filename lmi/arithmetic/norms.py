@@ -30,6 +30,18 @@ def upper_balls(values: Exact) -> Exact:
     return np.array(uppers, dtype=object).reshape(values.shape)
 
 
+def least_balls(first: Exact, other: Exact) -> Exact:
+    """The smaller of two arrays of exact balls of the same shape, entry by entry."""
+    pairs = zip(first.ravel(), other.ravel(), strict=True)
+    return np.array([a.min(b) for a, b in pairs], dtype=object).reshape(first.shape)
+
+
+def largest_balls(first: Exact, other: Exact) -> Exact:
+    """The larger of two arrays of balls of the same shape, entry by entry."""
+    pairs = zip(first.ravel(), other.ravel(), strict=True)
+    return np.array([a.max(b) for a, b in pairs], dtype=object).reshape(first.shape)
+
+
 def nonnegative_inverse(M: list[list[Ball]]) -> list[list[Ball]] | None:
     """Bound (I - X)^-1 in balls for every X with entries in [0, M_ij].
 

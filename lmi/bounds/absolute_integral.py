@@ -1,184 +1,136 @@
-"""Integrals of |e^(Fs) E|, by entries, bounded from above in balls.
+"""Integrals of |e^(Fs) E| over s >= 0, by entries, bounded from above in balls.
 
-On a cell of s on which an entry keeps its sign the integral of its modulus is that of the entry
-itself, which is exact; on others it is at most that of the chord and the deviation from it,
+Cell by cell (`lmi.bounds.flow_cells`), until what is left is hardly more than one mode, or for many
+cells. What is left behind them is bounded mode by mode. A pair with eigenvalues -a +- bi changes
+its sign with each half period tau = pi / b, up to a remainder D of other modes, and so
 
-    int_a^b |f| <= int_a^b |chord| + (b - a)^3 / 12 max |f''|,
+    q = e^(-a tau),   D = (e^(F tau) + q) X,
+    int_0^inf |e^(Fs) X| <= (int_0^tau |e^(Fs) X| + int_0^inf |e^(Fs) D|) / (1 - q)
 
-and the same bound of f'' shows where the sign is kept. It is that of `lmi.bounds.flow_comparison`
-for all later s, so that cells grow as fast modes decay. What is left after the last one is bounded
-in moduli: little, unless the damping ratio is below some 0.02, where the cells end before decay,
-and the sum is up to some pi / 2 times the integral.
+for any q < 1: a geometric series, which is exact however small the damping is. Integrals of D, and
+of real modes, are bounded in moduli.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balancing import Scaling
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.balls import (
-    Ball,
     Balls,
     Exact,
     Rational,
-    ball,
     entries,
     exact,
     exp_times,
-    inverse,
-    nearest_float,
     precision,
     rational,
     scalar,
     to_float,
 )
-from lmi.arithmetic.norms import float_above, middles
-from lmi.bounds.flow_comparison import FlowComparison
+from lmi.arithmetic.norms import float_above, least_balls, middles, upper_balls
+from lmi.bounds.flow_cells import Course
+from lmi.bounds.flow_comparison import FlowComparison, Subspaces
+from lmi.bounds.peak_gain import decaying_integrals
+from lmi.prove.hurwitz import rightmost
 
 _BITS = 160
-# the first cell spans this much of 1 / ||F||, the others that times powers of two; so many cells
-# are multiplied from one to the next before e^(Fs) is computed anew, in so many groups
-_REACH, _CELLS, _GROUPS = 2.0**-5, 32, 50
-# what cells may add to integrals, and with how little left behind the last one they end, in parts
-_ALLOWED, _REMAINDER = 0.002, 1e-4
+# how much more than one mode may be left behind the last cell, in parts of the integrals; after
+# how many cells that is looked at
+_REMAINDER, _BETWEEN = 1e-4, 16
 
 
 def absolute_integrals(F: Exact, E: Exact) -> Matrix | None:
     """Upper bounds of the integrals of |e^(Fs) E| over s >= 0, (n, k) floats.
 
     F (n, n) Hurwitz, E (n, k), exact. None where decay is not proved. Each state is bounded among
-    those that act on it: fast ones that do not leave it as close as it is without them.
+    those that act on it and are driven: others do not make its bound larger.
     """
     result = np.zeros(E.shape)
     if not E.size:
         return result
-    acting = _acting(F)
-    for states in set(acting):
-        part = _coupled_integrals(F[np.ix_(states, states)], E[list(states)])
-        if part is None:
+    acts = _reach(F)
+    is_driven = acts[:, np.array(E != 0, dtype=bool).any(axis=1)].any(axis=1)
+    acting = acts & is_driven
+    with precision(_BITS):
+        still = F[np.ix_(~is_driven, ~is_driven)]
+        if still.size and Course.from_pair(still, still).comparison is None:
             return None
-        for i in (i for i, own in enumerate(acting) if own == states):
-            result[i] = part[states.index(i)]
-    return result
+        for states in np.unique(acting[is_driven], axis=0):
+            bounds = _coupled_integrals(F[np.ix_(states, states)], E[states])
+            if bounds is None:
+                return None
+            own = is_driven & (acting == states).all(axis=1)
+            result[own] = bounds[own[states]]
+    return result if np.isfinite(result).all() else None
 
 
-def _acting(F: Exact) -> list[tuple[int, ...]]:
-    """For each state itself and all that act on it, through others too."""
+def _reach(F: Exact) -> Array:
+    """Does state j act on state i, itself or through others? (n, n)."""
     n = len(F)
     acts = np.array(F != 0, dtype=bool) | np.eye(n, dtype=bool)
     for _ in range(n.bit_length()):
         acts = acts @ acts
-    return [tuple(map(int, np.flatnonzero(row))) for row in acts]
+    return acts
 
 
 def _coupled_integrals(F: Exact, E: Exact) -> Matrix | None:
     """The same for all states at once."""
-    scaling = Scaling.from_pair(F, 0 * F, math.inf)
-    with precision(_BITS):
-        course = _Course.from_pair(scaling.map(F), scaling.rows(E))
-        if course is None:
-            return None
-        bounds = _integrals(course) * exact(scaling.sizes)[:, None]
-    result = np.array([[float_above(value) for value in row] for row in bounds])
-    return result if np.isfinite(result).all() else None
-
-
-def _integrals(course: _Course) -> Exact:
-    """Upper bounds of the integrals over all s, (n, k)."""
-    time, exponent = rational(0.0), 0
-    total = entries(0 * course.E)
-    least = _row_sums(entries(course.back * course.E))  # what constant inputs come to
-    for _ in range(_GROUPS):
-        X = course.at(time)
-        for _ in range(_CELLS):
-            curve = course.largest_curvature(X)
-            share = np.fmax(_row_sums(total), least) / (nearest_float(time) + course.shortest)
-            exponent = course.longest(exponent + 1, curve, X, share)
-            step = course.step(exponent)
-            later = step.onwards * X
-            total = total + course.cell_integral(X, later, curve, scalar(step.length))
-            time, X = time + step.length, later
-        left = course.comparison.integrals(X)
-        if (_row_sums(left) <= _REMAINDER * _row_sums(total)).all():
+    course = Course.from_pair(F, E)
+    if course.comparison is None:
+        return None
+    time, total = rational(0.0), 0 * entries(course.X)
+    for count, cell in enumerate(course.cells(time, None), 1):
+        total, time = total + cell.integral, cell.end
+        if count % _BETWEEN == 0 and _is_settled(course, course.comparison, time, total):
             break
-    return np.asarray(total + left)
+    bounds = total + course.in_units_of_x(_later(course, course.comparison, course.at(time)))
+    return np.array([[float_above(value) for value in row] for row in bounds])
 
 
-@dataclass(frozen=True)
-class _Step:
-    """A length of cells h, and e^(Fh)."""
-
-    length: Rational
-    onwards: Balls
-
-
-@dataclass(frozen=True)
-class _Course:
-    """X(s) = e^(Fs) E, F (n, n) exact, E (n, k); shortest: length of the shortest cells."""
-
-    F: Exact
-    E: Balls
-    comparison: FlowComparison
-    shortest: float
-    twice: Balls  # F^2
-    back: Balls  # F^-1
-    steps: dict[int, _Step] = field(default_factory=dict)
-
-    @staticmethod
-    def from_pair(F: Exact, E: Exact) -> _Course | None:
-        """None where decay is not proved."""
-        comparison = FlowComparison.from_flow(F)
-        back = inverse(F)
-        if comparison is None or back is None:
-            return None
-        size = float(np.abs(to_float(F)).sum(axis=1).max())
-        return _Course(F, ball(E), comparison, _REACH / size, ball(F @ F), ball(back))
-
-    def at(self, time: Rational) -> Balls:
-        """X at a time."""
-        return exp_times(self.F, time) * self.E
-
-    def step(self, exponent: int) -> _Step:
-        """Cells of 2^exponent times the shortest length."""
-        if exponent not in self.steps:
-            length = rational(math.ldexp(self.shortest, exponent))
-            self.steps[exponent] = _Step(length, exp_times(self.F, length))
-        return self.steps[exponent]
-
-    def largest_curvature(self, X: Balls) -> Exact:
-        """Bounds of |X''| at this and all later times."""
-        return self.comparison.largest(self.twice * X)
-
-    def longest(self, most: int, curve: Exact, X: Balls, share: Matrix) -> int:
-        """The exponent, at most `most`, of a cell that adds little to the sums over columns.
-
-        share (n,): of these sums for each unit of time.
-        """
-        bend, allowed = _row_sums(curve) / 12, _ALLOWED * (_row_sums(entries(X)) + share)
-        for exponent in range(most, 0, -1):
-            if (math.ldexp(self.shortest, exponent) ** 2 * bend <= allowed).all():
-                return exponent
-        return 0
-
-    def cell_integral(self, X: Balls, later: Balls, curve: Exact, length: Ball) -> Exact:
-        """Bounds of the integral of |X| from X to `later`."""
-        first, last = entries(X), entries(later)
-        low, high = abs(first), abs(last)
-        signed = abs(entries(self.back * (later - X)))
-        deviation = curve * (length * length / 8)
-        keeps_sign = (first * last > 0) & (low > deviation) & (high > deviation)
-        # of the chord: a trapezium, or two triangles, whose sum is not certainly less
-        chord = (low + high) * (length / 2)
-        is_crossing = first * last < 0
-        crossing = (low * low + high * high) / (low + high)
-        chord = np.where(is_crossing, crossing * (length / 2), chord)
-        return np.where(keeps_sign, signed, chord + deviation * (length * 2 / 3))
+def _is_settled(course: Course, comparison: FlowComparison, time: Rational, total: Exact) -> bool:
+    """Is what is left at a time hardly more than one mode in each state?"""
+    left, sums = course.at(time), np.abs(middles(total)).sum(axis=1)
+    others = [basis.coupled_integrals(left) for basis in comparison.bases]
+    rows = [to_float(course.units) * each.sum(axis=1) for each in others]
+    return any(bool((row <= _REMAINDER * sums).all()) for row in rows)
 
 
-def _row_sums(values: Exact) -> Matrix:
-    sums: Matrix = np.abs(middles(values)).sum(axis=1)
-    return sums
+def _later(course: Course, comparison: FlowComparison, X: Balls) -> Exact:
+    """The least of several bounds of the integrals of |e^(Fs) X|, (n, k).
+
+    In units of the course. Many pairs are bounded best by squares (`lmi.bounds.peak_gain`), within sqrt(pi / 2).
+    """
+    bounds = [_by_subspaces(course, basis, X) for basis in comparison.bases]
+    rate = -rightmost(to_float(course.F)).real / 2
+    by_squares = decaying_integrals(course.F, exact(np.eye(len(course.F))), rate)
+    if by_squares is not None:
+        bounds.append(upper_balls(by_squares(X)))
+    return reduce(least_balls, bounds, comparison.integrals(X))
+
+
+def _by_subspaces(course: Course, basis: Subspaces, X: Balls) -> Exact:
+    """The same as a sum over subspaces."""
+    bounds = []
+    for part, value in zip(basis.parts(X), basis.eigenvalues, strict=True):
+        bound = basis.integrals(part)
+        if value.imag:
+            bound = least_balls(bound, _by_half_periods(course, basis, part, value))
+        bounds.append(bound)
+    return upper_balls(sum(bounds[1:], bounds[0]))
+
+
+def _by_half_periods(course: Course, basis: Subspaces, X: Balls, value: complex) -> Exact:
+    """The same for X in the subspace of a pair, about an eigenvalue of which this is."""
+    half_period = math.pi / value.imag
+    share = scalar(rational(min(math.exp(value.real * half_period), math.nextafter(1, 0))))
+    end, own = rational(half_period), replace(course, X=X)
+    first = 0 * entries(X)
+    for cell in own.cells(rational(0.0), end):
+        first = first + cell.integral / course.units[:, None]
+    remainder = exp_times(course.F, end) * X + X * share
+    return upper_balls((first + basis.integrals(remainder)) / (1 - share))

@@ -14,8 +14,9 @@ a far one, the moduli of the flow's subspaces bound what is left.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,25 +25,21 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     Ball,
     Exact,
-    Rational,
     ball,
     entries,
     exact,
     inverse,
-    nearest_float,
     precision,
     rational,
     scalar,
     to_float,
 )
 from lmi.arithmetic.norms import float_above, upper_balls
-from lmi.bounds.flow_cells import Cell, Course
+from lmi.bounds.flow_cells import Course
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import rightmost
 
 _BITS = 160
-# cells span from this much to that much of 1 / ||F||, unless there would be too many of them
-_REACH, _LONGEST, _CELLS, _MOST = 2.0**-5, 2.0, 64, 700
 # after so many times 1 / (decay rate of F) beyond the shortest dwell time nothing is followed
 _FORGOTTEN = 12.0
 _REPEATS = 50
@@ -72,9 +69,9 @@ class Radius:
 class _Step:
     """Bounds on a cell of times since a jump: |e^(F theta) H|, that times T^-1, what d adds."""
 
-    is_last: bool
+    can_jump: bool
     mapped: Exact
-    turned: Exact
+    normed: Exact
     added: Exact
 
 
@@ -96,7 +93,7 @@ def radius_before_jumps(system: DrivenJumps, T: Matrix, gamma: float) -> Radius 
         steps = _steps(own, exact(unit))
         if steps is None:
             return None
-        added = _largest([step.added for step in steps if step.is_last])
+        added = _largest([step.added for step in steps if step.can_jump])
         norm = sum((value * value for value in added), scalar(0)).sqrt()
         return Radius(back, (norm / (1 - scalar(rational(gamma)))).abs_upper())
 
@@ -119,7 +116,7 @@ def driven_bounds(
             return None
         r = _first(before, back, radius)
         for _ in range(_REPEATS):
-            last = _reached([step for step in steps if step.is_last], r, radius)
+            last = _reached([step for step in steps if step.can_jump], r, radius)
             smaller = np.array([a.min(b) for a, b in zip(r, last, strict=True)])
             is_settled = all(new >= old * 0.9999 for new, old in zip(smaller, r, strict=True))
             r = smaller
@@ -146,25 +143,27 @@ def _steps(system: DrivenJumps, back: Exact) -> list[_Step] | None:
 
     None where that is infinite, or far beyond all decay, and the flow is not proved to decay.
     """
-    columns = np.hstack([system.H, system.H @ back, system.K, system.E])
-    end = _end(system.F, system.low, system.high)
+    parts = (system.H, system.H @ back, system.K, system.E)
+    low, end = system.low, _end(system.F, system.low, system.high)
     if math.isinf(end):
         return None
-    stretches, course = list[tuple[bool, Cell]](), Course.from_pair(system.F, columns)
-    for start, length, count, is_last in _stages(system.F, system.low, end):
-        stretches += [(is_last, cell) for cell in course.cells(start, length, count)]
+    ends = np.cumsum([0, *(part.shape[1] for part in parts)])
+    slices = tuple(slice(a, b) for a, b in itertools.pairwise(ends) if b > a)
+    course = Course.from_pair(system.F, np.hstack(parts), slices)
+    first, start, last = rational(0.0), rational(low), rational(end)
+    stretches = [(False, cell) for cell in course.cells(first, start)]
+    stretches += [(True, course.instant(start))]
+    stretches += [(True, cell) for cell in course.cells(start, last)]
     if end < system.high:
-        later = course.later(rational(end))
+        later = course.later(last)
         if later is None:
             return None
         stretches.append((True, later))
-    n = len(system.F)
-    split = np.cumsum([n, n, system.K.shape[1]])
-    sums, steps = np.array([scalar(0)] * n), list[_Step]()
-    for is_last, cell in stretches:
-        mapped, turned, kicked, _ = np.hsplit(cell.largest, split)
-        sums = upper_balls(sums + _row_sums(np.hsplit(cell.integral, split)[3]))
-        steps.append(_Step(is_last, mapped, turned, sums + _row_sums(kicked)))
+    sums, steps = np.array([scalar(0)] * len(system.F)), list[_Step]()
+    for can_jump, cell in stretches:
+        mapped, normed, kicked, _ = np.hsplit(cell.largest, ends[1:-1])
+        sums = upper_balls(sums + _row_sums(np.hsplit(cell.integral, ends[1:-1])[3]))
+        steps.append(_Step(can_jump, mapped, normed, sums + _row_sums(kicked)))
     return steps
 
 
@@ -174,36 +173,13 @@ def _end(F: Exact, low: float, high: float) -> float:
     return min(high, low + _FORGOTTEN / decay) if decay > 0 else high
 
 
-def _stages(F: Exact, low: float, high: float) -> Iterator[tuple[Rational, Rational, int, bool]]:
-    """Start, length and number of cells, and whether a jump may happen there, up to `high`.
-
-    Lengths double as fast modes decay, up to where tangents still bound e^(Fs) on a cell; after
-    many cells the last ones are as long as it takes.
-    """
-    size = float(np.abs(to_float(F)).sum(axis=1).max(initial=0.0)) or 1.0
-    start, longest = rational(0.0), rational(_LONGEST / size)
-    length, used = rational(min(_REACH / size, high / _CELLS or 1.0)), 0
-    for end, is_last in ((rational(low), False), (rational(high), True)):
-        while start < end or (is_last and start == end == rational(low)):
-            left = end - start
-            count = _CELLS if used < _MOST else _MOST
-            if left <= count * length or used >= _MOST:
-                count = min(count, max(1, math.ceil(nearest_float(left / length))))
-                yield start, left / count, count, is_last
-                start = end
-                break
-            yield start, length, count, is_last
-            start, used = start + count * length, used + count
-            length = min(2 * length, longest)
-
-
 def _reached(steps: Sequence[_Step], r: Exact, radius: Ball | None) -> Exact:
     """The largest |e| on these cells, from what is known before the jump."""
     values = []
     for step in steps:
         mapped = step.mapped @ r
         if radius is not None:
-            pairs = zip(mapped, _row_norms(step.turned), strict=True)
+            pairs = zip(mapped, _row_norms(step.normed), strict=True)
             mapped = np.array([box.min((norm * radius).abs_upper()) for box, norm in pairs])
         values.append(mapped + step.added)
     return _largest(values)

@@ -64,14 +64,14 @@ def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Matrix | None:
     """sqrt(b' P b / (2 rate)) for every c and b; None unless F + rate I is proved Hurwitz."""
     if not (np.isfinite(rate) and rate > 0):
         return None
-    bound = _decaying_integrals(F, C, rate)
+    bound = decaying_integrals(F, C, rate)
     if bound is None:
         return None
     values = bound(ball(B))
     return np.array([[float_above(value) for value in row] for row in values])
 
 
-def _decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exact] | None:
+def decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exact] | None:
     """B -> upper bounds in balls of the integrals of |C e^(Fs) B|, (rows of C, columns of B).
 
     rate > 0: the a of the inequality. None unless F + rate I is proved Hurwitz.
