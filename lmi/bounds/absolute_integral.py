@@ -42,6 +42,9 @@ _BITS = 160
 # how much more than one mode may be left behind the last cell, in parts of the integrals; after
 # how many cells that is looked at
 _REMAINDER, _BETWEEN = 1e-4, 16
+# weights of squares grow at these parts of the decay rate: half of it is best where all modes decay
+# alike, more where those that decay faster are larger
+_SHARES = (0.5, 0.75, 0.9)
 
 
 def absolute_integrals(F: Exact, E: Exact) -> Matrix | None:
@@ -103,13 +106,14 @@ def _is_settled(course: Course, comparison: FlowComparison, time: Rational, tota
 def _later(course: Course, comparison: FlowComparison, X: Balls) -> Exact:
     """The least of several bounds of the integrals of |e^(Fs) X|, (n, k).
 
-    In units of the course. Many pairs are bounded best by squares (`lmi.bounds.peak_gain`), within sqrt(pi / 2).
+    In units of the course. Many pairs are bounded best by squares (`lmi.bounds.peak_gain`).
     """
     bounds = [_by_subspaces(course, basis, X) for basis in comparison.bases]
-    rate = -rightmost(to_float(course.F)).real / 2
-    by_squares = decaying_integrals(course.F, exact(np.eye(len(course.F))), rate)
-    if by_squares is not None:
-        bounds.append(upper_balls(by_squares(X)))
+    decay, unit = -rightmost(to_float(course.F)).real, exact(np.eye(len(course.F)))
+    for share in _SHARES:
+        by_squares = decaying_integrals(course.F, unit, share * decay)
+        if by_squares is not None:
+            bounds.append(upper_balls(by_squares(X)))
     return reduce(least_balls, bounds, comparison.integrals(X))
 
 

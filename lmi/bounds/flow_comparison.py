@@ -161,7 +161,8 @@ def _invariant_basis(F: Matrix) -> tuple[Matrix, Ends]:
 def _decoupled(F: Matrix, T: Matrix, ends: Ends, most: float) -> Matrix:
     """The basis (n, n) with each subspace freed of earlier ones.
 
-    As far as that takes at most `most` of them. One after the other, so that none brings back what an earlier step has taken out.
+    As far as that takes at most `most` of them. One after the other, so that none brings back
+    what an earlier step has taken out.
     """
     if not np.isfinite(T).all():
         return T

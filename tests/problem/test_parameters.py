@@ -77,6 +77,13 @@ def test_a_sensor_may_be_uncertain_too() -> None:
     assert parameters[1].range == (-0.05, 0.05)
 
 
+@pytest.mark.parametrize("name", ["k1", "m2", "p12_lo", "x", "time"])
+def test_letters_of_no_signal_may_be_numbered(name: str) -> None:
+    body = spring()
+    body["parameter"][0]["name"] = name
+    assert Problem.from_dict(body).plant.parameters[0].name == name
+
+
 def _first(**entries: object) -> Change:
     return lambda body: body["parameter"][0].update(entries)
 
@@ -122,6 +129,8 @@ def _modes(body: dict[str, Any]) -> None:
         (lambda b: (b.pop("jump"), _first(G=[[1, 0], [0, 1]])(b)), "requires jump.G"),
         (_first(constant=1), "parameter.stiffness.constant must be true or false; got 1"),
         (_first(name="Stiffness"), "parameter.name must be a small letter"),
+        (_first(name="c2_lo"), "parameter.name: 'c2_lo' is kept for other columns of data files"),
+        (_first(name="u1"), "parameter.name: 'u1' is kept for other columns of data files"),
         (_first(value=1), "unknown key 'value' in [parameter.stiffness]: did you mean 'range'?"),
         (_first(nominal=1), "unknown key 'nominal' in [parameter.stiffness]"),
         (lambda b: b["parameter"].append(b["parameter"][0]), "got 'stiffness' twice"),
