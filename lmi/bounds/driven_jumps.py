@@ -38,6 +38,7 @@ from lmi.arithmetic.norms import float_above, upper_balls
 from lmi.bounds.flow_cells import Course
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import rightmost
+from lmi.time_budget import UNLIMITED, TimeBudget
 
 _BITS = 160
 # after so many times 1 / (decay rate of F) beyond the shortest dwell time nothing is followed
@@ -75,10 +76,12 @@ class _Step:
     added: Exact
 
 
-def radius_before_jumps(system: DrivenJumps, T: Matrix, gamma: float) -> Radius | None:
-    """What |T e| comes to just before jumps; None where gamma is not proved.
+def radius_before_jumps(
+    system: DrivenJumps, T: Matrix, gamma: float, budget: TimeBudget = UNLIMITED
+) -> Radius | None:
+    """Ultimate bound of |T e| just before jumps; None where gamma is not proved.
 
-    T (n, n) floats, gamma < 1.
+    T (n, n) floats, gamma < 1; budget: ends the proof, of nothing then.
     """
     lifted = exact(T)
     back = inverse(lifted)
@@ -86,7 +89,8 @@ def radius_before_jumps(system: DrivenJumps, T: Matrix, gamma: float) -> Radius 
         return None
     F, H = lifted @ system.F @ back, lifted @ system.H @ back
     unit = np.eye(len(T))
-    if prove_common(F, H, unit, system.low, system.high, gamma=gamma).outcome != "proved":
+    contracts = prove_common(F, H, unit, system.low, system.high, gamma=gamma, budget=budget)
+    if contracts.outcome != "proved":
         return None
     own = DrivenJumps(F, lifted @ system.E, H, lifted @ system.K, system.low, system.high)
     with precision(_BITS):

@@ -30,6 +30,7 @@ from lmi.arithmetic.balls import (
     rational,
     scalar,
 )
+from lmi.time_budget import UNLIMITED, TimeBudget
 
 DEGREE = 8
 # A first box spans this many units of 1/||F||: longer ones fail on the remainder, shorter ones
@@ -134,8 +135,9 @@ class _Series:
 
 
 def prove_range(
-    family: Normalised, low: float, high: float, limit: int, tails: list[Balls]
-) -> Boxes:
+    family: Normalised, low: float, high: float, limit: int, tails: list[Balls],
+    *, budget: TimeBudget = UNLIMITED,
+) -> Boxes:  # fmt: skip
     """Boxes over [low, high], or from low until one of the tails takes over (high infinite).
 
     tails: ball matrices Q in the coordinates of the flow such that right' e^{F't} Q e^{Ft} right
@@ -146,6 +148,8 @@ def prove_range(
     width, share = _first_width(series, high - low), _SHARE
     smallest, halvings, E = math.inf, 0, flow(family, theta)
     for count in range(1, limit + 1):
+        if budget.remaining() < 0:
+            return Boxes(count - 1, smallest, failed=nearest_float(theta))
         if not halvings and any(certify(family, E.transpose() * Q * E) for Q in tails):
             return Boxes(count - 1, smallest, tail_from=nearest_float(theta))
         size = norm_bound(E)

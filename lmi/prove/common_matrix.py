@@ -24,6 +24,7 @@ from lmi.prove.bernstein import Boxes, Normalised, prove_range
 from lmi.prove.chords import chords
 from lmi.prove.condition import Condition
 from lmi.prove.tails import falling_forms
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, proved, undecided
 
 METHODS = ("bernstein", "chords")
@@ -41,15 +42,16 @@ def prove_common(
     form: str = "before_jump",
     gamma: float = 1.0,
     steps: int = BOX_LIMIT,
+    budget: TimeBudget = UNLIMITED,
 ) -> Verdict:
     """Prove P > 0 and M(theta)' P M(theta) < gamma^2 P for all theta in a range.
 
     The inequality of Briat, Automatica 49 (2013), Theorem 3, for gamma = 1.
     The range is [low, high], or [low, infinity). F, H: (n, n) floats or exact rationals; P: (n, n)
     symmetric floats. form: "before_jump" for M = e^{F theta} H, "after_jump" for M = H e^{F theta}.
-    Proved or undecided; then evidence["theta"], where there is one, is a float near which the
-    inequality could not be shown. For high = infinity F must be Hurwitz. ValueError unless 0 <= low
-    <= high.
+    budget: ends the method "bernstein". Proved or undecided; then evidence["theta"], where there is
+    one, is a float near which the inequality could not be shown. For high = infinity F must be
+    Hurwitz. ValueError unless 0 <= low <= high.
     """
     if not 0 <= low <= high:
         raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
@@ -60,10 +62,16 @@ def prove_common(
         return undecided("P is not a finite symmetric matrix")
     right, left = (jump, None) if form == "before_jump" else (exact(np.eye(len(P))), jump)
     condition = Condition(flow, right, P, P, float(low), float(high), left, gamma)
-    return prove(condition, method=method, steps=steps)
+    return prove(condition, method=method, steps=steps, budget=budget)
 
 
-def prove(condition: Condition, *, method: str = "bernstein", steps: int = BOX_LIMIT) -> Verdict:
+def prove(
+    condition: Condition,
+    *,
+    method: str = "bernstein",
+    steps: int = BOX_LIMIT,
+    budget: TimeBudget = UNLIMITED,
+) -> Verdict:
     """One condition for all its theta, balanced; precision is raised before giving up."""
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
@@ -71,24 +79,30 @@ def prove(condition: Condition, *, method: str = "bernstein", steps: int = BOX_L
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS:
         with precision(bits), np.errstate(all="ignore"):
-            verdict = (chords if method == "chords" else _boxes)(condition, steps)
+            if method == "chords":
+                verdict = chords(condition, steps)
+            else:
+                verdict = _boxes(condition, steps, budget)
         if verdict.outcome == "proved":
             return Verdict("proved", {**verdict.evidence, "bits": bits})
-        if max(verdict.evidence.get(key, 0) for key in ("boxes", "steps")) >= steps:
+        used = max(verdict.evidence.get(key, 0) for key in ("boxes", "steps"))
+        if used >= steps or budget.remaining() < 0:
             break  # more bits do not make fewer steps
     return verdict
 
 
-def _boxes(condition: Condition, limit: int) -> Verdict:
+def _boxes(condition: Condition, limit: int, budget: TimeBudget) -> Verdict:
     family = _normalised(condition)
     if family is None:
         return undecided("P is not certainly positive definite")
     tails = falling_forms(family.F, family.left.transpose() * family.left)
     if not tails and math.isinf(condition.high):
         return undecided("the flow is not proved to be Hurwitz")
-    boxes = prove_range(family, condition.low, condition.high, limit, tails)
+    boxes = prove_range(family, condition.low, condition.high, limit, tails, budget=budget)
     if boxes.failed is None:
         return proved(**_account(boxes))
+    if ended := budget.ended():
+        return undecided(f"the proof came to theta = {boxes.failed!r}", **ended)
     reason = f"the inequality fails, or nearly fails, at theta = {boxes.failed!r}"
     if boxes.count >= limit:
         reason = f"{limit} boxes did not reach the end; they came to theta = {boxes.failed!r}"

@@ -13,6 +13,7 @@ from lmi.bounds import driven_jumps
 from lmi.bounds.driven_jumps import DrivenJumps, Radius, driven_bounds, radius_before_jumps
 from lmi.decide.stability import decide
 from lmi.find.largest_rates import largest_rates
+from lmi.time_budget import TimeBudget
 
 Pair = tuple[np.ndarray, np.ndarray]
 COLUMNS: Pair = (np.array([[0.0], [0.1]]), np.array([[0.0], [0.05]]))
@@ -80,6 +81,15 @@ def test_what_is_not_proved_gives_nothing() -> None:
     assert isinstance(radius_before_jumps(driven, T, gamma), Radius)
     for wrong in ((T, 0.9 * gamma), (T, 1.0), (np.eye(2), gamma), (np.ones((2, 2)), gamma)):
         assert radius_before_jumps(driven, *wrong) is None
+
+
+def test_a_total_ends_the_proof_of_a_contraction() -> None:
+    pair = (np.array([[0, 1], [-1, -0.1]]), np.diag([1, 0.3]))
+    driven = system(pair, 1.0, 3.0)
+    T, gamma = contraction(pair, 1.0, 3.0)
+    assert radius_before_jumps(driven, T, gamma, TimeBudget.from_seconds(1e-9)) is None
+    # the twin has the time
+    assert radius_before_jumps(driven, T, gamma, TimeBudget.from_seconds(60.0)) is not None
 
 
 def test_a_longest_dwell_time_far_away_or_none_is_all_the_same() -> None:

@@ -49,6 +49,14 @@ def test_a_total_is_positive() -> None:
             TimeBudget.from_seconds(seconds)
 
 
+def test_a_total_ends_a_proof_over_dwell_times() -> None:
+    F, H, P = np.diag([-1.0, -2.0]), 0.5 * np.eye(2), np.eye(2)
+    verdict = prove_common(F, H, P, 0.1, 3.0, budget=NO_TIME)
+    assert verdict.outcome == "undecided"
+    assert ended_part(verdict.evidence) == {"ended_by": "time", "seconds": NOTHING}
+    assert prove_common(F, H, P, 0.1, 3.0).outcome == "proved"
+
+
 def test_own_limits_stretch() -> None:
     assert [*UNLIMITED.attempts()] == [UNLIMITED]  # without a total there is one attempt
     assert UNLIMITED.stretched(4.0).scaled(100) == 400

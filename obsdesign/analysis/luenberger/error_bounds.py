@@ -17,6 +17,7 @@ from lmi.arithmetic.balls import Exact, exact
 from lmi.bounds.absolute_integral import absolute_integrals
 from lmi.bounds.driven_jumps import DrivenJumps, Radius, driven_bounds, radius_before_jumps
 from lmi.bounds.tube import Tube, prove_tube
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.luenberger.driven_error import DrivenError
 
 
@@ -70,10 +71,13 @@ def is_tube(error: DrivenError, ends: tuple[float, float], tube: Tube) -> bool:
 
 
 def contraction_radius(
-    error: DrivenError, ends: tuple[float, float], contraction: Contraction
+    error: DrivenError,
+    ends: tuple[float, float],
+    contraction: Contraction,
+    budget: TimeBudget = UNLIMITED,
 ) -> Radius | None:
-    """What |T e| comes to just before jumps; None where the contraction is not proved."""
-    return radius_before_jumps(_system(error, ends), contraction.T, contraction.per_jump)
+    """Ultimate bound of |T e| just before jumps; None where no contraction is proved in time."""
+    return radius_before_jumps(_system(error, ends), contraction.T, contraction.per_jump, budget)
 
 
 def comparison_system(error: DrivenError) -> tuple[Exact, Exact, Exact, Exact]:

@@ -52,6 +52,9 @@ from obsdesign.synthesis.luenberger.searched_gains import (
 from obsdesign.synthesis.placement import no_kalman_gain, placed_gain, riccati_gain
 from obsdesign.synthesis.time_scale import pace_without_cycles
 
+# part of the time that searches of gains for bounds take: the other is for proofs of these
+_SEARCHING = 0.5
+
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for what cannot be built at all."""
@@ -78,7 +81,8 @@ def synthesize_constrained(
         candidates = synthesize_constrained(own, constraints, budget)
         searches = [] if box is None else gain_searches(problem, own, box, constraints)
         if searches:
-            candidates = searched_candidates(own, searches, candidates, budget)
+            in_time = budget.part(_SEARCHING)
+            candidates = searched_candidates(own, searches, candidates, in_time)
         count = len(searches) if is_L_limited(problem, own) else None
         yield from uncertain_candidates(problem, candidates, box, budget, count)
         return

@@ -51,7 +51,7 @@ def bound_certificates(
 ) -> Certificates:  # fmt: skip
     """Certificates of the claims on the box and on the error; none where no bound is proved.
 
-    known: certificates of the nominal error; budget: of norms that are tried beside a bound.
+    known: certificates of the nominal error; budget: ends the proofs of contractions.
     """
     error = driven_error(problem.plant, gains, box.bounds)
     entries: Entries
@@ -78,12 +78,10 @@ def _with_jumps(
     if proposed is not None and not is_tube(error, ends, proposed):
         tube = proposed = None
     least, chosen = bounds_with_jumps(error, ends, proposed, None), None
-    for contraction, radius in _proved_norms(error, ends, known):
+    for contraction, radius in _proved_norms(error, ends, known, budget):
         bounds = bounds_with_jumps(error, ends, proposed, radius)
         if bounds is not None and _total(bounds, units) < _total(least, units):
             least, chosen = bounds, contraction
-        if least is not None and budget.remaining() < 0:
-            break
     entries = _stated(least)
     if not entries:
         return {}, ()
@@ -95,11 +93,13 @@ def _with_jumps(
 
 
 def _proved_norms(
-    error: DrivenError, ends: tuple[float, float], known: EntriesByClaim
+    error: DrivenError, ends: tuple[float, float], known: EntriesByClaim, budget: TimeBudget
 ) -> Iterator[tuple[Contraction, Radius]]:
-    """Norms in which the error is proved to contract, and its ultimate bound in them."""
+    """Norms in which the error is proved in time to contract, and its ultimate bound in them."""
     for norm in contractions(error, ends, known):
-        proofs = ((each, contraction_radius(error, ends, each)) for each in norm)
+        if budget.remaining() < 0:
+            return
+        proofs = ((each, contraction_radius(error, ends, each, budget)) for each in norm)
         proved = next(((each, radius) for each, radius in proofs if radius is not None), None)
         if proved is not None:
             yield proved

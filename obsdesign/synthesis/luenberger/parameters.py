@@ -28,8 +28,8 @@ from obsdesign.synthesis.state_box import KnownBox
 # candidates whose bounds are compared, and those of each further search of gains: the others are
 # tried where none of these is proved
 _COMPARED, _OF_SEARCH = 5, 3
-# part of the time left that comparing them takes: the rest is for proofs
-_COMPARING = 0.5
+# part of the time left that proofs for one of them take: `verify` takes as long, and others follow
+_SHARE = 0.5
 _NO_LIMIT = (
     "L is not chosen for the least bound of the error, since nothing limits it: state "
     "output.noise_bound or observer.gain_norm"
@@ -62,22 +62,21 @@ def uncertain_candidates(
     is_compared = box is not None and is_L_limited
     compared = _COMPARED + _OF_SEARCH * max((searches or 0) - 1, 0)
     open_choice = () if box is None or is_L_limited else (Remark(_NO_LIMIT),)
-    in_time = budget.part(_COMPARING)
     for place, candidate in enumerate(candidates):
+        in_time = budget.part(_SHARE)
         gains, bounds = candidate.gains, _bounds(problem, candidate, box, in_time)
+        ended = remark_end("norms for the bound of the error", in_time.ended() if box else {})
         if isinstance(gains, LuenbergerGains) and bounds.evidence:
             gains = replace(gains, **counted_inputs(problem.plant))
+        cost = _cost(bounds.evidence, box) if box is not None and is_compared else None
         yield replace(
             candidate,
             gains=gains,
-            cost=_cost(bounds.evidence, box) if box is not None and is_compared else None,
-            goes_on=is_compared
-            and candidate.searched
-            and place < compared - 1
-            and in_time.remaining() > 0,
+            cost=cost,
+            goes_on=is_compared and candidate.searched and place < compared - 1,
             solvers=merged(merged(candidate.solvers, plant.solvers), bounds.solvers),
             certificates={**candidate.certificates, **plant.certificates, **bounds.evidence},
-            remarks=(*candidate.remarks, *plant.remarks, *open_choice),
+            remarks=(*candidate.remarks, *plant.remarks, *open_choice, *ended),
         )
 
 
