@@ -67,7 +67,7 @@ class Radius:
 
 
 @dataclass(frozen=True)
-class _Step:
+class _Stretch:
     """Bounds on a cell of times since a jump: |e^(F theta) H|, that times T^-1, what d adds."""
 
     can_jump: bool
@@ -142,7 +142,7 @@ def _first(before: Exact | None, back: Exact, radius: Ball | None) -> Exact:
     return np.array([a.min(b) for a, b in zip(box, around, strict=True)])
 
 
-def _steps(system: DrivenJumps, back: Exact) -> list[_Step] | None:
+def _steps(system: DrivenJumps, back: Exact) -> list[_Stretch] | None:
     """Bounds on cells that cover the times from 0 to the longest dwell time.
 
     None where that is infinite, or far beyond all decay, and the flow is not proved to decay.
@@ -163,11 +163,11 @@ def _steps(system: DrivenJumps, back: Exact) -> list[_Step] | None:
         if later is None:
             return None
         stretches.append((True, later))
-    sums, steps = np.array([scalar(0)] * len(system.F)), list[_Step]()
+    sums, steps = np.array([scalar(0)] * len(system.F)), list[_Stretch]()
     for can_jump, cell in stretches:
         mapped, normed, kicked, _ = np.hsplit(cell.largest, ends[1:-1])
         sums = upper_balls(sums + _row_sums(np.hsplit(cell.integral, ends[1:-1])[3]))
-        steps.append(_Step(can_jump, mapped, normed, sums + _row_sums(kicked)))
+        steps.append(_Stretch(can_jump, mapped, normed, sums + _row_sums(kicked)))
     return steps
 
 
@@ -177,7 +177,7 @@ def _end(F: Exact, low: float, high: float) -> float:
     return min(high, low + _FORGOTTEN / decay) if decay > 0 else high
 
 
-def _reached(steps: Sequence[_Step], r: Exact, radius: Ball | None) -> Exact:
+def _reached(steps: Sequence[_Stretch], r: Exact, radius: Ball | None) -> Exact:
     """The largest |e| on these cells, from what is known before the jump."""
     values = []
     for step in steps:

@@ -64,19 +64,19 @@ def settled_bounds(F: Matrix, E: Matrix) -> Matrix:
     return result
 
 
-def driven_bounds(
+def estimated_bounds(
     flow: tuple[Matrix, Matrix], jump: tuple[Matrix, Matrix], ends: tuple[float, float]
 ) -> Matrix:
     """What |e| comes to, (n,): (F, E), (H, K), and shortest and longest dwell time.
 
     Infinite where it does not decay from jump to jump.
     """
-    system = DrivenJumps.from_matrices(flow, jump, ends)
+    system = SampledJumps.from_matrices(flow, jump, ends)
     return np.full(len(flow[0]), np.inf) if system is None else system.bounds()
 
 
 @dataclass(frozen=True)
-class DrivenJumps:
+class SampledJumps:
     """A driven error at some dwell times.
 
     flow: up to the longest one; flows (k, n, n): e^(F theta) at dwell times; added (N, n): what d
@@ -94,7 +94,7 @@ class DrivenJumps:
     @staticmethod
     def from_matrices(
         flow: tuple[Matrix, Matrix], jump: tuple[Matrix, Matrix], ends: tuple[float, float]
-    ) -> DrivenJumps | None:
+    ) -> SampledJumps | None:
         """(F, E), (H, K), and shortest and longest dwell time; None where nothing is bounded."""
         (F, E), (H, K), (low, high) = flow, jump, ends
         decay = -_abscissa(F)
@@ -108,7 +108,7 @@ class DrivenJumps:
         for _ in dwell_times[1:]:
             flows.append(onwards @ flows[-1])
         until = np.array([np.interp(dwell_times, course.times, row) for row in added.T]).T
-        return DrivenJumps(course, np.array(flows), added, until, E, H, K)
+        return SampledJumps(course, np.array(flows), added, until, E, H, K)
 
     def bounds(self) -> Matrix:
         """What |e| comes to, (n,); infinite where it does not decay from jump to jump."""

@@ -140,7 +140,7 @@ def test_a_state_that_nothing_drives_settles(share: float, monkeypatch: pytest.M
     """Its bound is zero; with a share of the other state's it is not, and settles as soon."""
     rounds, reached_on_cells = [], driven_jumps._reached
 
-    def counted(steps: list[driven_jumps._Step], *known: Any) -> Any:
+    def counted(steps: list[driven_jumps._Stretch], *known: Any) -> Any:
         rounds.append(len(steps))
         return reached_on_cells(steps, *known)
 

@@ -17,7 +17,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.data.simulation.rows import default_until
 from obsdesign.document import jsonable
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.estimated_bounds import driven_bounds, settled_bounds
+from obsdesign.synthesis.estimated_bounds import estimated_bounds, settled_bounds
 from obsdesign.synthesis.interval.units import balanced_units
 
 # rows of a simulation, and its end where there are no jumps, in times 1 / (decay rate)
@@ -56,7 +56,7 @@ def _decays(nominal: Problem) -> bool:
         if jump is None:
             return bool(np.isfinite(settled_bounds(A, unit)).all())
         ends = nominal.require_dwell_time()
-        return bool(np.isfinite(driven_bounds((A, unit), (jump.G, unit), ends)).all())
+        return bool(np.isfinite(estimated_bounds((A, unit), (jump.G, unit), ends)).all())
 
 
 def _simulated(stated: Problem, nominal: Problem, u: Matrix, w: Matrix) -> Matrix:

@@ -15,7 +15,7 @@ from lmi.arithmetic.arrays import EntriesByClaim, Matrix
 from lmi.arithmetic.balls import to_float
 from obsdesign.analysis.luenberger.driven_error import DrivenError
 from obsdesign.analysis.luenberger.error_bounds import Contraction
-from obsdesign.synthesis.estimated_bounds import DrivenJumps
+from obsdesign.synthesis.estimated_bounds import SampledJumps
 
 # of what a contraction leaves, this share is kept, in turn, until it is proved
 _SHARES = (0.99, 0.9, 0.7)
@@ -37,7 +37,7 @@ def contractions(
     assert error.K is not None
     F, E, H, K = (to_float(X) for X in (error.F, error.E, error.H, error.K))
     with np.errstate(all="ignore"):
-        system = DrivenJumps.from_matrices((F, E), (H, K), ends)
+        system = SampledJumps.from_matrices((F, E), (H, K), ends)
         if system is None:
             return
         rated = [(T, system.contraction(T)) for T in system.norms()]

@@ -18,7 +18,7 @@ from obsdesign.equations.estimation_error import (
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.plant import Plant
-from obsdesign.synthesis.estimated_bounds import driven_bounds, settled_bounds
+from obsdesign.synthesis.estimated_bounds import estimated_bounds, settled_bounds
 from obsdesign.synthesis.state_box import KnownBox
 
 
@@ -95,8 +95,8 @@ class DrivenPlant:
         through = jump_disturbance_matrix(gains.M, C, self.plant.n, when)
         K = np.hstack([through @ self.K - gains.M @ self.D_jump, gains.M * self.V])
         bounds = np.minimum(
-            driven_bounds((F, E), (H, K), self.ends),
-            driven_bounds((absolute_metzler(F), np.abs(E)), (np.abs(H), np.abs(K)), self.ends),
+            estimated_bounds((F, E), (H, K), self.ends),
+            estimated_bounds((absolute_metzler(F), np.abs(E)), (np.abs(H), np.abs(K)), self.ends),
         )
         return float((bounds / self.units).sum())
 
