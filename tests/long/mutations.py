@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 _TURNED = {
@@ -38,16 +38,26 @@ class Mutant:
         return "\n".join((*self.expression, str(self.copy)))
 
 
-def mutants_of(path: str, source: bytes) -> list[Mutant]:
-    """Every mutant of one file inside of its functions."""
+def turned(node: ast.expr) -> list[str]:
+    """The source of the node with its operator turned or its number changed; [] if it has none."""
+    return [changed] if (changed := _turned(node)) else []
+
+
+def mutants_of(
+    path: str, source: bytes, changes: Callable[[ast.expr], list[str]] = turned
+) -> list[Mutant]:
+    """Every mutant of one file inside of its functions, by the changes of each expression."""
     starts = [0]
     for text in source.splitlines(keepends=True):
         starts.append(starts[-1] + len(text))
     copies: Counter[str] = Counter()
     mutants = []
-    for function, statement, node in _expressions(ast.parse(source), "", None):
-        if not (changed := _mutated(node)):
-            continue
+    every = [
+        (*place, node, changed)
+        for *place, node in _expressions(ast.parse(source), "", None)
+        for changed in changes(node)
+    ]
+    for function, statement, node, changed in every:
         first, last = node.lineno - 1, node.end_lineno or node.lineno
         begin = starts[first] + node.col_offset
         end = starts[last - 1] + (node.end_col_offset or 0)
@@ -92,8 +102,7 @@ def _is(text: bytes, node: ast.expr) -> bool:
         return False
 
 
-def _mutated(node: ast.expr) -> str:
-    """The source of the node with its operator turned or its number changed; "" if it has none."""
+def _turned(node: ast.expr) -> str:
     match node:
         case ast.BinOp(left, op, right) if type(op) in _TURNED:
             return ast.unparse(ast.BinOp(left, _TURNED[type(op)](), right))
