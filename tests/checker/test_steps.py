@@ -12,8 +12,6 @@ import pytest
 
 from obsdesign.checker import check_design as check
 
-NotProved = check.NotProved
-
 
 def exact(X: Any) -> Any:
     """Rows of fractions."""
@@ -57,7 +55,7 @@ def test_solutions_are_exact_and_singular_matrices_have_none() -> None:
     X, Y = exact([[0, 2, 1], [1, 0, 3], [2, 1, 0]]), exact([[1, 2], [3, 4], [5, 6]])
     assert check.product(X, check.solution(X, Y)) == Y
     for singular in ([[1, 2], [2, 4]], [[0, 0], [0, 0]], [[0, 1], [0, 0]]):
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.solution(exact(singular), exact([[1], [1]]))
 
 
@@ -107,7 +105,7 @@ def test_an_endless_range_is_covered_up_to_a_tail_that_holds() -> None:
 
     flow.prove_range(ball([[1]]), (Fraction(0), math.inf), late, advance)
     assert math.log(5) <= sum(lengths) <= 2 * math.log(5)
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         flow.prove_range(ball([[1]]), (Fraction(0), math.inf), never, advance)
 
 
@@ -115,14 +113,14 @@ def test_boxes_and_numbers_have_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(check, "MOST_BOXES", 8)
     one = ball([[1]])
     check.Flow(ball([[0]])).cover(one, Fraction(1), lambda E, h: h / 8 if h == 1 else h)
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         check.Flow(ball([[0]])).cover(one, Fraction(1), lambda E, h: h / 512 if h == 1 else h)
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         check.Flow(ball([[0]])).cover(one, Fraction(1), lambda E, h: h / 8)
     most = 1 << (4 * check.BITS)
     check.bounded(check.Ball([[most - 1]], most - 1))
     for x, radius in ((most, 0), (-most, 0), (0, most)):
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.bounded(check.Ball([[x]], radius))
 
 
@@ -196,7 +194,7 @@ def test_every_source_counts() -> None:
 def proves(inequality: check.Decrease, right: check.Ball, ends: Any) -> bool:
     try:
         inequality.prove(right, ends)
-    except NotProved:
+    except check.NotProved:
         return False
     return True
 
@@ -298,7 +296,7 @@ def test_what_divides_and_what_does_not() -> None:
         [], [high], [early, high], [early, again, high], [early, late], [early, late, high, high],
         [{0: cell(0, 3)}, high], [{0: cell(1, 4)}], [{-1: cell(0, 2)}, {0: cell(0, 4)}],
     ):  # fmt: skip
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.check_partition(windows, {}, ENDS)
 
 
@@ -318,7 +316,7 @@ NO_NUMBERS = [True, False, None, "1", [], [1.0], 1.1e150, -1.1e150, math.inf, -m
 def test_what_is_no_number(value: Any) -> None:
     for read in (check.number, check.time, lambda x: check.array([x], "n", {})):
         if read is not check.time or value != "inf":
-            with pytest.raises(NotProved):
+            with pytest.raises(check.NotProved):
                 read(value)
 
 
@@ -328,11 +326,11 @@ def test_times_and_ranges() -> None:
     assert check.interval([0.5, "inf"]) == (Fraction(1, 2), math.inf)
     assert check.interval([0.5, 0.5]) == (Fraction(1, 2), Fraction(1, 2))
     assert check.interval([0, 1]) == (0, 1)
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         check.time(-5e-324)
     for value in ([1.0, 0.5], [-0.5, 1.0], ["inf", "inf"], [True, 2.0], [0.0, True], (0.0, 1.0),
                   {"0": 0.0, "1": 1.0}):  # fmt: skip
-        with pytest.raises((NotProved, ValueError)):
+        with pytest.raises((check.NotProved, ValueError)):
             check.interval(value)
 
 
@@ -344,15 +342,15 @@ def test_arrays_have_one_size_for_each_letter() -> None:
         ([[1, 2], [3]], "nm"), ([[1, 2, 3]], "nn"), ([], "n"), ([[]], "nm"), (1.0, "n"),
         ([1, 2], "nm"), ([[1]], "n"), ("12", "n"), ({"0": 1}, "n"), (True, ""),
     ):  # fmt: skip
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.array(value, shape, {})
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         check.array([1, 2], "n", {"n": 3})
 
 
 def test_keys_that_stand_twice() -> None:
     assert check.keys_once([("a", 1), ("b", 2)]) == {"a": 1, "b": 2}
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         check.keys_once([("a", 1), ("a", 1)])
 
 
@@ -379,9 +377,9 @@ def test_the_map_of_a_width_counts_what_the_split_leaves() -> None:
     for sign in (1, -1):
         off = exact([[1, 0], [3 + sign * near, 4]])
         assert check.width_map(X, off, minus) == [[1, 2], [3 + sign * near + near, 4]]
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.width_map(X, exact([[1, 0], [3 + sign * far, 4]]), minus)
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         check.width_map(X, exact([[1, -2], [2, 4]]), exact([[0, 0], [-1, 0]]))
 
 
@@ -391,7 +389,7 @@ def test_the_map_of_a_width_counts_what_the_split_leaves() -> None:
 def refused(step: Any, *values: Any) -> bool:
     try:
         step(*values)
-    except NotProved:
+    except check.NotProved:
         return True
     return False
 

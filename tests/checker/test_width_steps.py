@@ -13,8 +13,6 @@ import pytest
 from lmi.arithmetic.exponential import expm
 from obsdesign.checker import check_widths as check
 
-NotProved = check.NotProved
-
 
 def exact(X: Any) -> Any:
     return [[Fraction(float(a)) for a in row] for row in np.asarray(X).tolist()]
@@ -65,7 +63,7 @@ def proves(W: Any, f: Any, start: Any, X: Any, ends: Any) -> bool:
     try:
         end = high if high == math.inf else Fraction(high)
         path(W, f, start).prove(exact(X), (Fraction(low), end))
-    except NotProved:
+    except check.NotProved:
         return False
     return True
 
@@ -79,7 +77,7 @@ def proves(W: Any, f: Any, start: Any, X: Any, ends: Any) -> bool:
     ],
 )  # fmt: skip
 def test_systems_that_are_not_positive_are_refused(W: Any, f: Any, start: Any) -> None:
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         path(W, f, start)
     path(np.abs(np.array(W)), np.abs(f), np.abs(start))
 
@@ -142,10 +140,10 @@ def test_a_box_that_fails_is_halved_and_a_start_that_fails_ends_it() -> None:
     one.is_box = lambda rows, last, h: tried.append(h) or h <= Fraction(1, 8)
     assert one.advance(check.ball(column([1, 1])), Fraction(1)) == Fraction(1, 8)
     assert tried == [Fraction(1, 2**k) for k in range(4)]
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         one.advance(check.ball(column([2, 1])), Fraction(1))
     one.is_box = lambda *values: False
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         one.advance(check.ball(column([1, 1])), Fraction(1))
 
 
@@ -202,17 +200,17 @@ def test_resting_points() -> None:
     for scale, expected in ((0.999, True), (1.001, False)):  # it tends to (1, 1)
         own = [[Fraction(scale) * a for a in row] for row in X]
         if not expected:
-            with pytest.raises(NotProved):
+            with pytest.raises(check.NotProved):
                 check.resting_point(W, f, own, start)
             continue
         z = check.resting_point(W, f, own, start)
         assert all(a < 0 for (a,) in check.total(check.product(W, z), f))
         assert all(a < 1 for (a,) in check.product(own, z))
     for grows in ([[1, 0], [0, -1]], [[-1, 0], [0, 1]], [[-1, 2], [1, -1]], [[-1, 1], [1, -1]]):
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.resting_point(exact(grows), column([0, 0]), exact([[1e-9, 1e-9]]), start)
     for rows in ([[0.1, 0.1], [2, 0]], [[2, 0], [0.1, 0.1]]):
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.resting_point(W, f, exact(rows), start)
     z = check.resting_point(W, f, exact([[0, 0]]), start)
     assert all(a < 0 for (a,) in check.total(check.product(W, z), f))
@@ -295,13 +293,13 @@ def test_widths_at_one_dwell_time() -> None:
     for name in names:
         for i in range(2):
             lower = [a * (1 - 2e-9) if j == i else a for j, a in enumerate(stated[name])]
-            with pytest.raises(NotProved):
+            with pytest.raises(check.NotProved):
                 check.prove_constant_dwell(own, ends, row | {name: lower})
     for other in ((Fraction(4, 5), Fraction(1)), (Fraction(0), Fraction(7, 10))):
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.prove_constant_dwell(own, other, row)
     for T in (0.0, "inf"):
-        with pytest.raises((NotProved, TypeError, OverflowError)):
+        with pytest.raises((check.NotProved, TypeError, OverflowError)):
             check.prove_constant_dwell(own, (Fraction(0), math.inf), row | {"dwell_time": T})
 
 
@@ -309,7 +307,7 @@ def test_no_limit_where_the_jump_is_too_large() -> None:
     """E N = 2: the equation for b has a solution below zero alone."""
     own = system([[0]], [1], [[2]], [1], [[1]])
     row = {"dwell_time": 1.0, **{name: [9.0] for name in ("before_jump", "after_jump", "mean")}}
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         check.prove_constant_dwell(own, (Fraction(0), Fraction(2)), row)
 
 
@@ -341,17 +339,17 @@ def test_each_bound_of_a_width_counts(scale: Any) -> None:
     for name in ("always", "before_jump", "after_jump"):
         for i in range(2):
             lower = [a * (1 - 4e-5) if j == i else a for j, a in enumerate(stated[name])]
-            with pytest.raises(NotProved):
+            with pytest.raises(check.NotProved):
                 check.prove_width(design, own, stated | {name: lower}, math.inf)
     for i in range(2):
         steps = own._replace(h=[[a if j != i else a + 10] for j, (a,) in enumerate(own.h)])
         negative = own._replace(h=[[a if j != i else -a] for j, (a,) in enumerate(own.h)])
         for other in (steps, negative):
-            with pytest.raises(NotProved):
+            with pytest.raises(check.NotProved):
                 check.prove_width(design, other, stated, math.inf)
         for name in ("tube", "always", "before_jump"):
             none = [0.0 if j == i else a for j, a in enumerate(stated[name])]
-            with pytest.raises((NotProved, ZeroDivisionError)):
+            with pytest.raises((check.NotProved, ZeroDivisionError)):
                 check.prove_width(design, own, stated | {name: none}, math.inf)
 
 
@@ -363,10 +361,10 @@ def test_a_width_without_jumps() -> None:
     own = system(W, [0.25, 0.5], np.zeros((0, 0)), np.zeros((0, 1)), out)._replace(N=[], h=[])
     assert "(2.0, 1.0)" in check.prove_width(design, own, stated, math.inf)
     for f in ([0.5, 0.5], [0.25, 1.0]):
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.prove_width(design, own._replace(f=column(f)), stated, math.inf)
     for always in ([1.999, 1.0], [2.0, 0.999]):
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             check.prove_width(design, own, stated | {"always": always}, math.inf)
 
 
@@ -381,7 +379,7 @@ def test_the_step_limit_is_that_of_the_gains() -> None:
     assert limit(0.5) == limit(0.5, 0.5) == Fraction(1, 2)
     assert limit("inf", L=0.0) == math.inf
     for values in ((0.5, 0.25), (0.25, 0.5), (0.0, 0.0), (0.0,), ("inf",), (0.5, None, "at_jumps")):
-        with pytest.raises(NotProved):
+        with pytest.raises(check.NotProved):
             limit(*values)
 
 
@@ -397,8 +395,8 @@ def test_a_vector_shrinks_by_its_own_product(side: str, form: str) -> None:
     evidence = {"vector": v.tolist(), "side": side, "form": form}
     ends = Fraction(T), Fraction(T)
     check.prove_vector(exact(F), exact(H / ratio * (1 - 1e-9)), ends, evidence)
-    with pytest.raises(NotProved):
+    with pytest.raises(check.NotProved):
         check.prove_vector(exact(F), exact(H / ratio * (1 + 1e-9)), ends, evidence)
     for vector in ([0.0, 3.0], [1.0, 0.0], [-1.0, -3.0]):
-        with pytest.raises((NotProved, ZeroDivisionError)):
+        with pytest.raises((check.NotProved, ZeroDivisionError)):
             check.prove_vector(exact(F), exact(H / ratio / 9), ends, evidence | {"vector": vector})

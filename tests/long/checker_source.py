@@ -24,6 +24,7 @@ import time
 import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
@@ -92,6 +93,8 @@ class Meeting:
         order = sorted(session.items, key=lambda x: (x.nodeid in self.starts, self._time(x)))
         tally: Counter[str] = Counter()
         gc.freeze()
+        same = replace(self.mutants[0], source=Path(self.path).read_bytes())
+        assert _in_a_process(lambda: self._meet(same, order)) == "survived"  # no change at all
         for mutant in self.mutants:
             items = self._against(mutant, order)
             word = _in_a_process(lambda m=mutant, own=items: self._meet(m, own))

@@ -1,0 +1,305 @@
+"""Each step of check_events.py by itself, against numbers computed another way."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lmi.arithmetic.exponential import expm
+from obsdesign.checker import check_events as check
+
+check.NotProved = check.NotProved
+INF = math.inf
+
+
+def fractions(v: Any) -> Any:
+    return [Fraction(float(a)) for a in v]
+
+
+def exact(X: Any) -> Any:
+    return [fractions(row) for row in X]
+
+
+def flow(W: Any, f: Any) -> Any:
+    return check.PositiveFlow(exact(W), fractions(f))
+
+
+def refused(step: Any, *values: Any) -> bool:
+    try:
+        step(*values)
+    except check.NotProved:
+        return True
+    return False
+
+
+def span(low: float, high: float) -> Any:
+    return Fraction(low), Fraction(high) if high < INF else INF
+
+
+# paths -------------------------------------------------------------------------------------------
+
+
+def test_systems_that_are_not_positive_are_refused() -> None:
+    flow([[-1, 0], [2, -1]], [0, 1])
+    for W, f in (
+        ([[-1, -1e-9], [2, -1]], [0, 1]), ([[-1, 0], [-1e-9, -1]], [0, 1]),
+        ([[-1, 0], [2, -1]], [-1e-9, 1]), ([[-1, 0], [2, -1]], [1, -1e-9]),
+    ):  # fmt: skip
+        assert refused(flow, W, f)
+
+
+def test_boxes_have_each_of_their_terms() -> None:
+    """X = E + K, Y = e^(Z (t + h)) + K, K = h^2 / 8 e^(P h) |Z^2 E|."""
+    W, f, t, h = np.array([[-2.0, 1.0], [0.5, 0.25]]), np.array([0.5, 1.0]), 0.375, 0.5
+    Z = np.zeros((3, 3))
+    Z[:2, :2], Z[:2, 2] = W, f
+    E, end = expm(Z * t), expm(Z * (t + h))
+    K = h * h / 8 * expm(np.maximum(Z, 0) * h) @ np.abs(Z @ Z @ E)
+    boxes = flow(W, f).box(Fraction(t), Fraction(h))
+    for box, expected in zip(boxes, (E + K, end + K), strict=True):
+        got = np.array([[float(a) for a in row] for row in box])
+        assert np.allclose(got, expected, rtol=1e-12, atol=1e-15)
+
+
+def test_boxes_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(check, "MOST_BOXES", 2)
+    path = flow([[-1]], [0])
+    for t in (0, 1, 0):
+        path.box(Fraction(t), Fraction(1))
+    assert refused(path.box, Fraction(2), Fraction(1))
+
+
+@pytest.mark.parametrize("low", [0.0, 0.5])
+@pytest.mark.parametrize(
+    ("W", "f", "start"),
+    [
+        ([[-1, 0], [1, -2]], [0, 0], [1, 0.1]), ([[-1, 0.25], [1, -2]], [1, 0.5], [0.25, 0.5]),
+        ([[0.5, 0.25], [0.5, -1]], [0, 0.5], [1, 1]), ([[-20, 1], [20, -2]], [0, 1], [2, 0]),
+    ],
+)  # fmt: skip
+def test_a_path_is_below_its_peak_and_no_less(W: Any, f: Any, start: Any, low: float) -> None:
+    Z = np.zeros((3, 3))
+    Z[:2, :2], Z[:2, 2] = W, f
+    times = np.linspace(low, low + 2.0, 2001)[:, None, None]
+    peaks = (expm(Z * times) @ np.append(start, 1.0))[:, :2].max(axis=0)
+    for i, peak in enumerate(peaks):
+        for share, expected in ((1.0001, True), (1 - 1e-6, False)):
+            limit, path = Fraction(peak * share), flow(W, f)
+            assert path.is_below(fractions(start), i, limit, span(low, low + 2.0)) == expected
+
+
+def test_one_time_is_a_range() -> None:
+    path = flow([[-1]], [0])
+    at = span(1.0, 1.0)
+    assert path.is_below([Fraction(1)], 0, Fraction(0.3679), at)
+    assert not path.is_below([Fraction(1)], 0, Fraction(0.3678), at)
+    assert not flow([[0]], [0]).is_below([Fraction(1)], 0, Fraction(1), at)
+
+
+def test_ranges_without_end() -> None:
+    """u' = f - u from u(low) on: below the larger of what it is there and f, for ever."""
+    for f, start, low, top in (
+        (0.0, 1.0, 0.0, 1.0), (0.0, 1.0, 1.0, math.exp(-1)), (0.5, 1.0, 0.5, 0.5 + 0.5 * math.exp(-0.5)),
+    ):  # fmt: skip
+        for share, expected in ((1 + 1e-4, True), (1 - 1e-4, False)):
+            own = flow([[-1]], [f])
+            limit = Fraction(top * share)
+            assert own.is_below([Fraction(start)], 0, limit, span(low, INF)) == expected
+    lagging = flow([[-1, 0], [1, -2]], [0, 0])  # u2 rises up to log 2, where it is 1/4
+    for limit, expected in ((0.2501, True), (0.2499, False)):
+        start = fractions([1, 0])
+        assert lagging.is_below(start, 1, Fraction(limit), span(0.0, INF)) == expected
+    start = [Fraction(1)]
+    assert refused(flow([[0]], [0]).is_below, start, 0, Fraction(9), span(0.0, INF))
+    assert refused(flow([[0.1]], [0]).is_below, start, 0, Fraction(9), span(0.0, INF))
+    assert refused(flow([[-1]], [2]).is_below, start, 0, Fraction(9), span(0.0, INF))
+
+
+def test_a_time_of_return_is_one_for_every_entry() -> None:
+    for speed in (2.0**-20, 1.0, 2.0**20):
+        path = flow([[-speed, 0], [speed, -2 * speed]], [0, 0])
+        for low in (0.0, 1.0 / speed):
+            y = fractions([1, 0.125, 1])
+            T = path.time_of_return(y, Fraction(low))
+            u, later = (
+                [check.dot(row, y) for row in check.upper_ends(path.map(t))[:-1]]
+                for t in (Fraction(low), Fraction(low) + T)
+            )
+            assert all(b < a for a, b in zip(u, later, strict=True))
+            assert float(T) * speed <= 16
+    assert refused(
+        flow([[0, 0], [0, -1]], [0, 0]).time_of_return, fractions([1, 1, 1]), Fraction(0)
+    )
+    assert refused(
+        flow([[-1, 0], [0, 0]], [0, 0]).time_of_return, fractions([1, 1, 1]), Fraction(0)
+    )
+    assert refused(flow([[-1]], [1]).time_of_return, fractions([1, 1]), Fraction(0))
+
+
+def test_a_map_and_the_least_of_several() -> None:
+    assert check.dot(fractions([1, -2]), fractions([3, 4])) == -5
+    maps = [
+        (exact([[1, 0], [0, 2]]), fractions([0, 1])),
+        (exact([[2, 0], [0, 1]]), fractions([1, 0])),
+    ]
+    assert check.least(maps, fractions([3, 4])) == [3, 4]
+    assert check.least(maps[:1], fractions([3, 4])) == [3, 9]
+    assert check.least(maps[1:], fractions([3, 4])) == [7, 4]
+
+
+# ranges of time ----------------------------------------------------------------------------------
+
+
+def test_times_in_two_ranges() -> None:
+    for X, Y, both in (
+        ((0, 2), (1, 3), [(1, 2)]), ((1, 3), (0, 2), [(1, 2)]), ((0, 1), (1, 2), [(1, 1)]),
+        ((0, 1), (2, 3), []), ((2, 3), (0, 1), []), ((0, INF), (1, 2), [(1, 2)]),
+        ((1, 2), (0, 9), [(1, 2)]), ((0, INF), (1, INF), [(1, INF)]),
+    ):  # fmt: skip
+        assert check.meet(span(*X), span(*Y)) == [span(*x) for x in both]
+
+
+def test_differences_of_times() -> None:
+    """s - t >= 0, s in the first and t in the second."""
+    for X, Y, less in (
+        ((5, 6), (1, 2), [(3, 5)]), ((1, 2), (1, 2), [(0, 1)]), ((1, 2), (3, 4), []),
+        ((1, 2), (2, 3), [(0, 0)]), ((1, INF), (0, 2), [(0, INF)]), ((5, 5), (1, 1), [(4, 4)]),
+        ((1, 4), (2, 3), [(0, 2)]),
+    ):  # fmt: skip
+        assert check.less(span(*X), span(*Y)) == [span(*x) for x in less]
+
+
+def test_equal_parts() -> None:
+    assert check.parts(Fraction(3), 1) == [(0, 3)]
+    assert check.parts(Fraction(3), 3) == [(0, 1), (1, 2), (2, 3)]
+    assert check.parts(Fraction(1), 2) == [(0, Fraction(1, 2)), (Fraction(1, 2), 1)]
+
+
+def test_times_from_a_mark_to_the_next() -> None:
+    """Event 0 at the first; at the next, 1 happens: what had passed of both must agree."""
+    first = check.Mark((0,), {0: span(2, 3), 1: span(0, 1)})
+    following = check.Mark((1,), {0: span(0, 2), 1: span(2, 4)})
+    assert first.until(following) == [span(1, 2)]
+    late = check.Mark((1,), {0: span(0, 0.5), 1: span(2, 4)})
+    assert first.until(late) == []
+    again = check.Mark((0,), {0: span(2, 3), 1: span(2, 3)})
+    assert first.until(again) == [span(2, 3)]
+    assert check.Mark((0,), {0: span(1, 1)}).until(check.Mark((0,), {0: span(1, INF)})) == [
+        span(1, INF)
+    ]
+
+
+def clocks(*every: Any, spacing: float = 0.0, read: tuple[int, ...] = ()) -> Any:
+    """What `Marks` reads of a system."""
+    events = [SimpleNamespace(every=span(*ends)) for ends in every]
+    design = SimpleNamespace(events=events, spacing=Fraction(spacing))
+    return SimpleNamespace(design=design, events=[*range(len(events))], is_read=lambda e: e in read)
+
+
+def test_ages_of_an_event_that_has_not_happened_again() -> None:
+    marks = check.Marks(clocks((2, 5), (1, INF)), 1, 3)
+    assert marks.unit == 1
+    assert marks.ages(0, 3) == [span(0, 1), span(1, 2), span(2, 3), span(3, 4), span(4, 5)]
+    assert marks.ages(0, 1) == [span(0, 1), span(1, 2), span(2, 5)]
+    assert marks.ages(1, 3) == [span(0, 1), span(1, INF)]
+    other = check.Marks(clocks((0, 3), (2, 2)), 1, 1)
+    assert other.ages(0, 1) == [span(0, 3)]
+    assert other.ages(1, 3) == [span(0, 2), span(2, 2)]
+    assert marks.count(Fraction(1, 2)) == 1
+    assert marks.count(Fraction(5, 2)) == 3
+    assert marks.count(Fraction(10**6)) == check.MOST_PARTS
+    assert check.Marks(clocks((0, 3)), 2, 1).unit is None
+    assert check.Marks(clocks((0, 3)), 2, 1).count(Fraction(7)) == 2
+
+
+def test_kinds_of_marks() -> None:
+    """Several at once where a sensor is read at one of them, and no spacing keeps them apart."""
+    pairs = [(0, 1), (1, 0)]
+    for words, kinds in (
+        ({"read": (0,)}, [(0,), (1,), *pairs]), ({}, [(0,), (1,)]),
+        ({"read": (1,), "spacing": 0.5}, [(0,), (1,)]), ({"read": (1,)}, [(0,), (1,), *pairs]),
+    ):  # fmt: skip
+        assert check.Marks(clocks((2, 3), (2, 3), **words), 1, 1).kinds == kinds
+
+
+def test_ages_of_others_are_at_least_the_spacing() -> None:
+    marks = check.Marks(clocks((2, 3), (2, 3), spacing=0.5), 1, 1)
+    ages = {mark.passed[1 - mark.events[0]] for mark in marks.marks}
+    assert ages == {span(0.5, 2), span(2, 3)}
+    assert {mark.passed[mark.events[0]] for mark in marks.marks} == {span(2, 3)}
+
+
+def test_marks_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(check, "MOST_MARKS", 4)
+    assert len(check.Marks(clocks((2, 3), (2, 3), spacing=0.5), 1, 1).marks) == 4
+    assert refused(check.Marks, clocks((2, 3), (2, 3), spacing=0.5), 1, 2)
+
+
+def test_marks_that_come_a_few_times_only_are_left_out() -> None:
+    """Both every 2: whatever their distance, it stays; a mark that none leads to is none."""
+    marks = check.Marks(clocks((2, 2), (2, 2)), 2, 1)
+    for y, before in marks.before.items():
+        for x, time in before:
+            assert x in marks.before
+            assert time in marks.marks[x].until(marks.marks[y])
+    never = check.Marks(clocks((1, 1), (5, 5)), 1, 1)  # 0 happens each second: 1 is old or new
+    for mark in never.before:
+        own = never.marks[mark]
+        assert 0 in own.events or own.passed[0][1] <= 1
+
+
+# a plant without events --------------------------------------------------------------------------
+
+
+def still(W: Any, f: Any, samples: Any = ()) -> Any:
+    """What `prove_still` reads: (gap, map of a sample) of each sensor."""
+    sensors = [SimpleNamespace(gap=Fraction(gap)) for gap, _, _ in samples]
+    design = SimpleNamespace(sensors=sensors, counted=[*range(len(sensors))])
+    maps = [[[(exact(N), fractions(k))]] for _, N, k in samples]
+    return SimpleNamespace(
+        design=design, W=exact(W), f=fractions(f), flow=flow(W, f), sampled=lambda s: maps[s]
+    )
+
+
+def test_an_entry_that_falls() -> None:
+    for f, expected in ((0.75, True), (1.0, False), (1.25, False)):
+        assert refused(check.prove_still, still([[-1]], [f]), fractions([1])) != expected
+    assert not refused(
+        check.prove_still, still([[-1, 0.5], [0, -1]], [0.25, 0.5]), fractions([1, 1])
+    )
+
+
+def test_an_entry_that_is_low_a_time_later() -> None:
+    """x1 falls; x2 rises where it starts, and all flow for 2: e^-2 + 2 e^-2 = 0.41."""
+    system = still([[-1, 0], [1, -1]], [0, 0])
+    for v, expected in ((0.5, True), (0.4, True), (0.1, False)):
+        assert refused(check.prove_still, system, fractions([1, v])) != expected
+
+
+def test_an_entry_by_its_samples() -> None:
+    """From 1/4 at a rate of 1/2 + 1/2: below 1 for less than log(1.5 / .75)."""
+    for gap, expected in ((0.69, True), (0.70, False)):
+        system = still([[1]], [0.5], [(gap, [[0.25]], [0])])
+        assert refused(check.prove_still, system, [Fraction(1)]) != expected
+        system = still([[1]], [0.5], [(9, [[1]], [0]), (gap, [[0]], [0.25])])
+        assert refused(check.prove_still, system, [Fraction(1)]) != expected
+    for other, expected in (([0.25], True), ([0.75], False)):  # x2 pushes x1 by what is left of it
+        system = still([[0, 2], [0, 0]], [0, 0], [(0.5, [[0, 0], [0, 0]], [0.5, *other])])
+        start = fractions([1, 0.76])
+        assert refused(check.prove_still, system, start) == (not expected)
+
+
+def test_an_entry_alone_while_others_are_held() -> None:
+    """x2 would grow to 4.8 between samples of x1, but is below v2 by samples of its own.
+
+    So x1 is below 1/4 + 8 v2 / 2, and 1/4 + 8 (4.8 / 40) does not count.
+    """
+    samples = [(0.5, [[0, 0], [0, 0]], [0.25, 1e-8]), (0.01, [[1, 0], [0, 0]], [0, 1e-8])]
+    system = still([[0, 8], [0, 40]], [0, 0], samples)
+    for v2, expected in ((0.187, True), (0.188, False)):
+        assert refused(check.prove_still, system, fractions([1, v2])) != expected
