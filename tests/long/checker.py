@@ -2,23 +2,16 @@
 
 python -m tests.long.checker designs FOLDER [COUNT]    make and keep designs; who accepts them, how fast
 python -m tests.long.checker mutants FOLDER [COUNT] [SEED]   changed designs, signed again: who accepts
-python -m tests.long.checker source PROGRAM [COUNT]    one operator or number of check_design.py, ... changed
 
 A mutant is falsely accepted if all programs that read it accept it, and `verify` does not prove a
-claim of theirs or does not read the file. Those are printed, each with its change. `source` copies the
-project and runs tests/checker on each changed source; whoever survives is printed, and stands in
-`EXPLAINED` with the reason if no test can see it.
+claim of theirs or does not read the file. Those are printed, each with its change. What a program
+refuses is met by no other one. Their source is changed by `tests.long.checker_source`.
 """
 
 from __future__ import annotations
 
-import ast
 import json
-import os
-import shutil
-import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -28,13 +21,12 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from obsdesign.checker import check_design, check_gains, check_widths
+from obsdesign.checker import check_design, check_events, check_gains, check_widths
 from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import load_for_kind
-from tests.long.mutations import mutants_of
-from tests.systems.checked import FOLDER, PROBLEMS, exit_code
+from tests.systems.checked import PROBLEMS, exit_code
 from tests.systems.interval import FORMS, random_problem
 
 ROOT = Path(__file__).parents[2]
@@ -43,7 +35,8 @@ STABILITY = {"hurwitz", "dwell_stability", "decay_rate", "rates"}
 WIDTHS = {"width", "sampled_width"}
 # claims of each program, of a design that it accepts
 SCOPES = {check_design: SIGNS | STABILITY, check_widths: SIGNS | WIDTHS}
-SCOPE = set.union(*SCOPES.values())
+CLOCKS = {"event_stability", "event_width"}
+SCOPE = set.union(*SCOPES.values(), CLOCKS)
 SECONDS = 20.0
 
 
@@ -90,21 +83,27 @@ def random_point_problem(rng: np.random.Generator) -> obsdesign.Problem:
 
 def accepted(document: dict[str, Any]) -> set[str]:
     """Claims of the programs that accept it; none where one of them, or the gains, is refused."""
-    codes = {program: exit_code(document, program) for program in SCOPES}
-    if 1 in codes.values() or exit_code(document, check_gains):
+    if "sensor" in document["problem"]:  # clocks of their own: one program, which reads the gains
+        return set() if exit_code(document, check_events) else CLOCKS
+    if exit_code(document, check_gains):
         return set()
-    return set[str]().union(*(SCOPES[program] for program, code in codes.items() if code == 0))
+    claims = set[str]()
+    for program, scope in SCOPES.items():
+        code = exit_code(document, program)
+        if code == 1:
+            return set()
+        claims |= scope if code == 0 else set()
+    return claims
 
 
-def verified(document: dict[str, Any], scope: set[str]) -> tuple[bool, bool]:
-    """Does `verify` read it and prove the claims of a scope; and all of it?"""
+def is_verified(document: dict[str, Any], scope: set[str]) -> bool:
+    """Does `verify` read it and prove the claims of a scope?"""
     try:
         outcome = obsdesign.verify(from_dict(document))
     except InputError:
-        return False, False
+        return False
     claims = [claim for claim in outcome.claims if claim.id in scope]
-    is_proved = bool(claims) and all(claim.verdict == "proved" for claim in claims)
-    return is_proved, outcome.verdict == "proved"
+    return bool(claims) and all(claim.verdict == "proved" for claim in claims)
 
 
 def make_designs(folder: Path, count: int) -> None:
@@ -129,7 +128,7 @@ def make_designs(folder: Path, count: int) -> None:
         if code == widths == 2:
             tally["out of scope"] += 1
             continue
-        assert all(verified(document, SCOPE))
+        assert is_verified(document, SCOPE)
         each = (middle - start, end - middle, time.perf_counter() - end)
         rows.setdefault(problem.plant.n, []).append(each)
         is_accepted = bool(accepted(document))
@@ -227,129 +226,19 @@ def compare_mutants(folder: Path, count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     documents = [json.loads(path.read_text("utf-8")) for path in sorted(folder.glob("*.json"))]
     quick = [document for document in documents if len(json.dumps(document)) < 60_000]
-    tally: Counter[tuple[bool, bool]] = Counter()
+    tally: Counter[str] = Counter()
     for k in range(count):
         document, text = mutated(quick[k % len(quick)], rng)
         scope = accepted(document)
-        own, (theirs, whole) = bool(scope), verified(document, scope)
-        other = theirs if own else whole  # what `verify` says of the rest of the file is not theirs
-        tally[own, other] += 1
-        if own != other:
-            print(f"{'checker' if own else 'verify'} only: {document['name']}: {text}", flush=True)
+        word = "refused"
+        if scope:
+            word = "accepted by both" if is_verified(document, scope) else "falsely accepted"
+        tally[word] += 1
+        if word == "falsely accepted":
+            print(f"{word}: {document['name']}: {text}", flush=True)
         if (k + 1) % 100 == 0:
-            print(k + 1, names_of(tally), flush=True)
-    print(names_of(tally))
-
-
-def names_of(tally: Counter[tuple[bool, bool]]) -> dict[str, int]:
-    """The tally in words."""
-    words = {
-        (True, True): "accepted by both", (False, False): "refused by both",
-        (True, False): "checker only", (False, True): "verify only",
-    }  # fmt: skip
-    return {word: tally[key] for key, word in words.items()}
-
-
-# tests of each program
-TESTS = {
-    "check_design.py": ["tests/checker/test_balls.py", "tests/checker/test_check_design.py"],
-    "check_widths.py": ["tests/checker/test_check_widths.py"],
-    "check_events.py": ["tests/checker/test_check_events.py"],
-}
-# functions of the checker whose mutants are met
-FUNCTIONS = (
-    "upper_ends", "resting_point", "remainder_map", "in_units", "with_samples", "prove_width",
-    "prove_constant_dwell", "prove_vector", "units", "prove_rates", "prove", "width_system",
-    "disturbance", "noise", "times", "scaled", "plus", "norm", "ball", "is_positive", "is_negative", "is_less", "congruence",
-    "lyapunov", "bounding_factor", "prove_range", "cover", "time_of_tail", "bounded", "exponential",
-    "falling", "holds_from", "holds", "advance", "best_remainder", "is_box", "remainder_factor",
-    "check_partition", "common_cells", "is_reachable", "edges_of", "prove_hurwitz", "steep",
-    "box", "is_below", "time_of_return", "dot", "least", "corrected", "sampled", "happened",
-    "is_read", "meet", "less", "until", "preceding", "ages_at_marks", "grown", "since", "unsampled",
-    "from_first", "last_of_both", "prove_graph", "prove_stability", "prove_still", "read_sensors",
-    "read_events", "read",
-)  # fmt: skip
-# survivors that no test has to see: a part of the changed line, and why
-EXPLAINED = {
-    "Fraction(1, (3)**20)": "any b > 0 serves",
-    "c = min(": "what it returns is certified by `holds_from`",
-    "derivatives[(1)]": "in units of the flow, |W| <= 1, the first derivative is no smaller",
-    "* (n + (2))": "zip drops what is too long",
-    "(2 * n + (2))": "the same",
-    "cost = max(": "floats choose among matrices R, each of which is certified",
-    "+ (3))": "a radius larger by a unit is right too",
-    "// a.denominator for a in row] for row in X], (2))": "a radius larger by a unit is right too",
-    "for _ in range(MOST_HALVINGS if": "when a box that fails is given up; it is certified or not",
-    "is_positive(X.scaled(Fraction(-(2))))": "a positive multiple has the same sign",
-    "c, coarse = ": "where a search begins; what it returns is certified",
-    "c *= 1 + Fraction(1, (17))": "a smaller step; what it returns is certified",
-    "self.boxes += (2)": "fewer boxes",
-    "numbers grow too large": "when numbers are given up",
-    "g = total(tops, self.v,": "any positive share of v makes an upper bound without zeros",
-    "while (norm(Z.x) - n * Z.radius)": "where radii count, they are larger than the rest",
-    "if p <= (1):": "a pivot of one unit is given away",
-    "size = (1)": "a second cell, where there is one, is reached at once",
-    "i + (2)} of a bound": "words of a refusal",
-    "h * (3)**MOST_HALVINGS": "when a range that fails is given up",
-    "(is_short and any(": "the same: it fails at an end then, too",
-    "sorted({(2), cells})": "of two graphs that whose nodes are as many as the bounds is taken",
-    "max(a, (1))": "P larger by a unit is right too",
-    "max(cells, default=(1))": "one cell more, the whole range, changes nothing",
-}
-
-
-def mutate_source(count: int, name: str) -> None:
-    """Run tests/checker on changed sources of a program and print who survives."""
-    path = FOLDER / name
-    known = _shared(path)
-    every = [
-        mutant for mutant in mutants_of(str(path), path.read_bytes())
-        if mutant.function.split(".")[-1] in FUNCTIONS and mutant.function.split(".")[0] not in known
-    ]  # fmt: skip
-    chosen = np.random.default_rng(1).permutation(len(every))[:count]
-    tally: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder) / "tree"
-        ignored = shutil.ignore_patterns(".venv", ".git", "*.egg-info", "__pycache__")
-        shutil.copytree(ROOT, tree, ignore=ignored)
-        for k in chosen:
-            mutant = every[int(k)]
-            (tree / "obsdesign" / "checker" / name).write_bytes(mutant.source)
-            word = "killed"
-            if _survives(tree, TESTS[name]):
-                reasons = [EXPLAINED[part] for part in EXPLAINED if part in mutant.now]
-                word = "explained" if reasons else "survived"
-            tally[word] += 1
-            if word == "survived":
-                print(f"survived: {mutant.function}: {mutant.was}  ->  {mutant.now}", flush=True)
-            if tally.total() % 10 == 0:
-                print(tally.total(), dict(tally), flush=True)
-    print(len(every), "sites;", dict(tally))
-
-
-def _shared(path: Path) -> set[str]:
-    """Functions and classes of a program that are those of check_design.py, met there."""
-    if path.name == "check_design.py":
-        return set()
-    own, first = (
-        {node.name: ast.unparse(node) for node in ast.parse(each.read_text("utf-8")).body
-         if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-        for each in (path, FOLDER / "check_design.py")
-    )  # fmt: skip
-    return {name for name in own if own[name] == first.get(name)}
-
-
-def _survives(tree: Path, tests: list[str]) -> bool:
-    """Do the tests of the checker pass in a copy of the project?"""
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-    environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
-    try:
-        run = subprocess.run(
-            command, cwd=tree, env=environment, capture_output=True, check=False, timeout=300
-        )
-    except subprocess.TimeoutExpired:
-        return False
-    return run.returncode == 0
+            print(k + 1, dict(tally), flush=True)
+    print(dict(tally))
 
 
 def main() -> None:
@@ -360,8 +249,6 @@ def main() -> None:
     elif what == "mutants":
         count, seed = [*map(int, words[1:]), *(10_000, 25)[len(words) - 1 :]]
         compare_mutants(Path(words[0]), count, seed)
-    else:
-        mutate_source(int(words[1]) if len(words) > 1 else 10_000, words[0])
 
 
 if __name__ == "__main__":
