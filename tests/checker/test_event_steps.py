@@ -114,6 +114,9 @@ def test_ranges_without_end() -> None:
     for limit, expected in ((0.2501, True), (0.2499, False)):
         start = fractions([1, 0])
         assert lagging.is_below(start, 1, Fraction(limit), span(0.0, INF)) == expected
+    late = span(0.65, INF)  # later than the first time tried, before the peak
+    for limit, expected in ((0.2501, True), (0.24999, False)):
+        assert lagging.is_below(fractions([1, 0]), 1, Fraction(limit), late) == expected
     start = [Fraction(1)]
     assert refused(flow([[0]], [0]).is_below, start, 0, Fraction(9), span(0.0, INF))
     assert refused(flow([[0.1]], [0]).is_below, start, 0, Fraction(9), span(0.0, INF))

@@ -115,6 +115,30 @@ def test_a_tail_needs_each_of_its_three_inequalities() -> None:
         assert two.holds_from(y) == expected
 
 
+def test_every_entry_is_below_the_resting_point() -> None:
+    """(1/2, 1/2) rises to (0.6, 0.1): it is no bound of itself."""
+    for z, expected in (([2, 0.6], True), ([2, 0.4], False), ([0.6, 0.6], True)):
+        one = path([[-1, 0], [0, -1]], [0.6, 0.1], [0.5, 0.5], [[0.3, 0], [0, 0.3]])
+        one.resting = [column(z)]
+        assert one.holds_from(check.ball(column([0.5, 0.5, 1]))) == expected
+
+
+def test_a_start_at_the_bound_is_not_below_it() -> None:
+    """A range that is one time, and a ball whose upper end is 1."""
+    one, whole = path([[1]], [0], [1]), 1 << check.BITS
+    ends = {}
+    for k in range(8):
+        y = check.Ball([[whole - k], [whole]], 0)
+        ends[k] = check.upper_ends(check.ball(one.X).times(check.Ball([[whole - k]], 0)))[0][0]
+        if ends[k] < 1:
+            assert one.advance(y, Fraction(0)) == 0
+        else:
+            with pytest.raises(check.NotProved):
+                one.advance(y, Fraction(0))
+    assert 1 in ends.values()
+    assert min(ends.values()) < 1
+
+
 def test_derivatives_of_a_path() -> None:
     """u' = W u + f, u'' = W u', ...: DEGREE of them, and the absolute values of the next."""
     W, f, u = np.array([[-1.0, 2.0], [0.5, -3.0]]), np.array([0.25, 1.0]), np.array([0.5, 0.125])
@@ -190,14 +214,17 @@ def test_remainders_of_two_states(h: float) -> None:
 def test_a_remainder_needs_an_inverse_without_signs() -> None:
     one = path([[2, 0], [0, -1]], [0, 0], [1, 1])
     assert one.remainder_map(Fraction(1, 2)) != []
+    zeros = [check.ball(column([0, 0]))] * (check.DEGREE + 1)
+    assert one.is_box(zeros, column([0, 0]), Fraction(1, 2))
     for h in (Fraction(1), Fraction(3)):
         assert one.remainder_map(h) == []
+        assert not one.is_box(zeros, column([0, 0]), h)
 
 
 def test_resting_points() -> None:
     """W z + f < 0 and X z < 1; none where the flow does not decay, or tends to too much."""
     W, f, X, start = exact([[-2, 1], [0, -1]]), column([1, 1]), exact([[0.5, 0.5]]), column([1, 3])
-    for scale, expected in ((0.999, True), (1.001, False)):  # it tends to (1, 1)
+    for scale, expected in ((0.999, True), (1.0, False), (1.001, False)):  # it tends to (1, 1)
         own = [[Fraction(scale) * a for a in row] for row in X]
         if not expected:
             with pytest.raises(check.NotProved):
@@ -212,6 +239,15 @@ def test_resting_points() -> None:
     for rows in ([[0.1, 0.1], [2, 0]], [[2, 0], [0.1, 0.1]]):
         with pytest.raises(check.NotProved):
             check.resting_point(W, f, exact(rows), start)
+    for rows in ([[0.5, 0.49], [0.1, 0.1]], [[0.1, 0.1], [0.5, 0.49]]):
+        z = check.resting_point(W, f, exact(rows), start)
+        assert all(a < 1 for (a,) in check.product(exact(rows), z))
+    z = check.resting_point(W, f, exact([[0.1, 0.1]]), column([1, 0]))
+    assert all(a < 0 for (a,) in check.total(check.product(W, z), f))
+    with pytest.raises(check.NotProved):  # what grows starts at zero
+        check.resting_point(
+            exact([[-1, 0], [0, 1]]), column([0, 0]), exact([[1, 1]]), column([1, 0])
+        )
     z = check.resting_point(W, f, exact([[0, 0]]), start)
     assert all(a < 0 for (a,) in check.total(check.product(W, z), f))
 
@@ -366,6 +402,54 @@ def test_a_width_without_jumps() -> None:
     for always in ([1.999, 1.0], [2.0, 0.999]):
         with pytest.raises(check.NotProved):
             check.prove_width(design, own, stated | {"always": always}, math.inf)
+
+
+def test_bounds_have_a_sign() -> None:
+    """A tube below zero shrinks where the flow grows."""
+    design: Any = SimpleNamespace(n=2)
+    for rates, tube, always in (
+        ([1, 1], [-1, -1], [1, 1]), ([-1, 1], [1, -1], [1, 1]), ([1, 1], [-0.5, -0.5], [1, 1]),
+        ([-1, -1], [-1, -1], [-1, -1]), ([-1, -1], [-0.5, -0.5], [-0.5, -0.5]),
+        ([-1, -1], [1, -1], [1, -1]),
+    ):  # fmt: skip
+        own = system(np.diag(rates), [0, 0], np.zeros((0, 0)), np.zeros((0, 1)), np.eye(2))
+        stated = {
+            "tube": np.array(tube, float).tolist(),
+            "always": np.array(always, float).tolist(),
+        }
+        with pytest.raises(check.NotProved):
+            check.prove_width(design, own._replace(N=[], h=[]), stated, math.inf)
+
+
+def test_the_longest_dwell_time_counts_for_jumps_and_between_them() -> None:
+    """u' = u / 2 from 1, N = 1/2: N e^(T / 2) < 1 up to 2 log 2, and e^(T / 2) <= 2."""
+    own = system([[0.5]], [0], [[0.5]], [0], [[1]])
+    stated = {"tube": [1.0], "after_jump": [1.0], "before_jump": [2.0], "always": [2.0]}
+    limit = 2 * math.log(2)
+    for high, entries, expected in (
+        (limit - 1e-6, {}, True), (limit - 1e-6, {"always": [1.99]}, False),
+        (limit - 1e-6, {"before_jump": [1.99]}, False),
+        (limit + 1e-6, {"before_jump": [9.0], "always": [9.0]}, False),
+    ):  # fmt: skip
+        design: Any = SimpleNamespace(n=1, ends=(Fraction(1, 4), Fraction(high)))
+        try:
+            check.prove_width(design, own, stated | entries, math.inf)
+        except check.NotProved:
+            assert not expected
+        else:
+            assert expected
+
+
+def test_a_vector_has_one_sign() -> None:
+    F, H, ends = exact(-np.eye(2)), exact(np.eye(2) / 2), (Fraction(0), Fraction(1))
+    for v, expected in (([1, 3], True), ([1, -3], False), ([-0.5, 1], False), ([-1, -3], False)):
+        evidence = {"vector": v, "side": "left", "form": "before_jump"}
+        try:
+            check.prove_vector(F, H, ends, evidence)
+        except check.NotProved:
+            assert not expected
+        else:
+            assert expected
 
 
 def test_the_step_limit_is_that_of_the_gains() -> None:

@@ -38,7 +38,13 @@ from tests.systems.checked import FOLDER
 
 EXPLAINED = Path(__file__).with_name("checker_explained.toml")
 TESTS = {
-    "check_design": ("test_steps.py", "test_balls.py", "test_traps.py", "test_check_design.py", "test_scope.py"),
+    "check_design": (
+        "test_steps.py",
+        "test_balls.py",
+        "test_traps.py",
+        "test_check_design.py",
+        "test_scope.py",
+    ),
     "check_widths": ("test_width_steps.py", "test_check_widths.py"),
     "check_events": ("test_event_steps.py", "test_check_events.py"),
 }
