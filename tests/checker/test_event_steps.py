@@ -123,6 +123,42 @@ def test_ranges_without_end() -> None:
     assert refused(flow([[-1]], [2]).is_below, start, 0, Fraction(9), span(0.0, INF))
 
 
+@pytest.mark.parametrize("ends", [(0.0, 0.73), (0.66, 1.5), (0.0, 1.45), (0.3, 0.75), (0.69, 0.7)])
+def test_a_peak_is_met_wherever_it_is_in_a_range(ends: Any) -> None:
+    """e^-t - e^-2t has its peak 1/4 at 0.69; both ends of the range are lower."""
+    lagging, start = flow([[-1, 0], [1, -2]], [0, 0]), fractions([1, 0])
+    for limit, expected in ((0.250001, True), (0.249999, False)):
+        assert lagging.is_below(start, 1, Fraction(limit), span(*ends)) == expected
+
+
+def test_a_box_that_meets_the_limit_is_not_below_it() -> None:
+    path, start, at = flow([[-1]], [0]), [Fraction(1)], Fraction(1)
+    bound = max(check.dot(X[0], [*start, at]) for X in path.box(at, Fraction(0)))
+    assert not path.is_below(start, 0, bound, (at, at))
+    assert path.is_below(start, 0, bound + Fraction(1, 2**300), (at, at))
+
+
+@pytest.mark.parametrize(
+    ("values", "radius", "T"),
+    [
+        ({1: 1.0, 2: 3.0, 3: 2.0, 5: 0.5, 4: 9.0}, 0.0, 4), ({1: 1.0, 2: 0.5}, 0.0, 1),
+        ({1: 1.0, 2: 1.0, 3: 0.5}, 0.0, 2), ({1: 1.0, 2: 0.7, 3: 0.4}, 0.5, 2),
+    ],
+)  # fmt: skip
+def test_a_time_of_return_is_certified_by_the_ends_of_balls(
+    values: Any, radius: float, T: int
+) -> None:
+    """u(1 + T) < u(1) with u(1) in a ball of this radius."""
+    path, whole = flow([[-1]], [0]), 1 << check.BITS
+
+    def at(t: Fraction) -> check.Ball:
+        x = int(values.get(t, 9.0) * whole)
+        return check.Ball([[x, 0], [0, whole]], int(radius * whole) if t == 1 else 0)
+
+    path.map = at
+    assert path.time_of_return([Fraction(1), Fraction(0)], Fraction(1)) == T
+
+
 def test_a_time_of_return_is_one_for_every_entry() -> None:
     for speed in (2.0**-20, 1.0, 2.0**20):
         path = flow([[-speed, 0], [speed, -2 * speed]], [0, 0])
@@ -190,6 +226,8 @@ def test_times_from_a_mark_to_the_next() -> None:
     assert first.until(following) == [span(1, 2)]
     late = check.Mark((1,), {0: span(0, 0.5), 1: span(2, 4)})
     assert first.until(late) == []
+    soon = check.Mark((1,), {0: span(0, 0.5), 1: span(0.25, 1)})
+    assert first.until(soon) == [span(0, 0.5)]
     again = check.Mark((0,), {0: span(2, 3), 1: span(2, 3)})
     assert first.until(again) == [span(2, 3)]
     assert check.Mark((0,), {0: span(1, 1)}).until(check.Mark((0,), {0: span(1, INF)})) == [
@@ -275,6 +313,13 @@ def test_an_entry_that_falls() -> None:
     assert not refused(
         check.prove_still, still([[-1, 0.5], [0, -1]], [0.25, 0.5]), fractions([1, 1])
     )
+
+
+def test_an_entry_that_falls_beside_one_that_grows() -> None:
+    """x2 is held by its samples alone; x1 falls as long as x2 is below its bound."""
+    system = still([[-1, 0.5], [0, 3]], [0, 0], [(0.1, [[1, 0], [0, 0]], [0, 0.25])])
+    for v, expected in (([1, 1], True), ([0.25, 1], False), ([1, 0.3], False)):
+        assert refused(check.prove_still, system, fractions(v)) != expected
 
 
 def test_an_entry_that_is_low_a_time_later() -> None:
