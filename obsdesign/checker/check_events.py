@@ -374,11 +374,11 @@ class Design:
             demand(own == [name, sees, size, event], "a sensor of the gains is another")
             demand(sees in ("before", "after"), "sees must be before or after")
             every, gap = block.get("every", [0, "inf"]), Fraction(0)
+            b, c = (float(time(block.get(name, 0))) for name in ("losses", "jitter"))
             if isinstance(every, list):
                 gap = interval(every)[1]
             elif every != "continuous":  # in doubles, as the observer
-                a, b, c = (float(time(block[name])) for name in ("every", "losses", "jitter"))
-                gap = time(a * (1 + b) + 2 * c)
+                gap = time(float(time(every)) * (1 + b) + 2 * c)
             demand(gap == time(stored["gap"]), "the gap of a sensor is another")
             sensors.append(Sensor(name, [*range(first, first + size)], gap, event, sees))
             first += size

@@ -148,6 +148,33 @@ def test_barely_positive_and_barely_not(rng: np.random.Generator) -> None:
             assert not check.is_positive(check.Ball([[a, c], [c, b]], 0)) or c * c < a * b
 
 
+def test_small_balls_are_positive_throughout() -> None:
+    """All 2 x 2 balls of small integers: the corner that is the least positive is so, too."""
+    certified = 0
+    assert not check.is_positive(check.Ball([[0]], 0))
+    assert check.is_positive(check.Ball([[1]], 0))
+    for a, b, c, r in itertools.product(range(9), range(9), range(-3, 4), range(3)):
+        if check.is_positive(check.Ball([[a, c], [c, b]], r)):
+            certified += 1
+            assert a > r
+            assert (a - r) * (b - r) > (abs(c) + r) ** 2
+    assert certified > 50
+
+
+@pytest.mark.parametrize("radius", [1, 3])
+def test_exponentials_of_wide_balls(rng: np.random.Generator, radius: int) -> None:
+    Y = check.Ball([[0]], radius << check.BITS)
+    image = check.exponential(Y)
+    for X in corners(Y, rng, 0):
+        assert holds(image, exact_exponential(X))
+
+
+def test_exponentials_that_grow_too_large_are_given_up() -> None:
+    for value in (10**4, 10**6):
+        with pytest.raises(check.NotProved):
+            check.exponential(check.ball([[Fraction(value)]]))
+
+
 def test_signs_and_comparisons() -> None:
     two, three = check.ball([[Fraction(2)]]), check.ball([[Fraction(3)]])
     minus = two.scaled(Fraction(-1))

@@ -177,6 +177,8 @@ WRONG: list[tuple[str, str, Change]] = [
     ]),
     ("one row", "a word", entry("sensor", "sees", "never", 1)),
     ("one row", "it is read at another event", entry("sensor", "at", "kick", 1)),
+    ("one event", "jitter below zero", entry("sensor", "jitter", -5e-324)),
+    ("one event", "losses that are no number", entry("sensor", "losses", True)),
     ("two events", "another order", lambda d: d["gains"]["events"].reverse()),
     ("two events", "the map of an event", entry("event", "G", [[1, 0], [0.4, 1.2]], 1)),
     ("two events", "one event less", lambda d: d["gains"]["events"].pop()),

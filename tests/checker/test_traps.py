@@ -109,6 +109,20 @@ def test_when_a_jump_is_measured_is_a_known_word(name: str, program: ModuleType,
     assert exit_code(changed(document, lambda d: None), program) == 1
 
 
+@pytest.mark.parametrize(("name", "program"), PROGRAMS[:2])
+def test_blocks_that_a_program_does_not_know(name: str, program: ModuleType) -> None:
+    for path in ("flow/dt", "jump/modes", "output/sees", "parameter", "event"):
+        assert exit_code(changed(true_design(name), set_in(f"problem/{path}", 1.0)), program) == 2
+
+
+@pytest.mark.parametrize(("name", "program"), PROGRAMS[:2])
+def test_jumps_are_those_of_the_problem(name: str, program: ModuleType) -> None:
+    document = changed(true_design(name), lambda d: d["problem"].pop("jump"))
+    assert exit_code(document, program) == 2
+    document = changed(true_design(name), lambda d: d["gains"].pop("G"))
+    assert exit_code(document, program) == 2
+
+
 # certificates ------------------------------------------------------------------------------------
 
 FALLS = {"P": [[1.0, 0.0], [0.0, 1.0]]}

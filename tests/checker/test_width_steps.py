@@ -22,6 +22,10 @@ def column(v: Any) -> Any:
     return exact(np.reshape(v, (-1, 1)))
 
 
+def fractions(v: Any) -> Any:
+    return [Fraction(float(a)) for a in v]
+
+
 def floats(X: Any) -> Any:
     return np.array([[float(a) for a in row] for row in X])
 
@@ -450,6 +454,38 @@ def test_a_vector_has_one_sign() -> None:
             assert not expected
         else:
             assert expected
+
+
+def stored(**gains: Any) -> Any:
+    """What inputs and noise are read from."""
+    return SimpleNamespace(n=2, gains=gains, array=lambda name, shape: gains[name])
+
+
+def test_boxes_of_inputs() -> None:
+    """(X, widths), with and without a matrix; no bounds cross, in whichever entry."""
+    ends = {"flow_lower": fractions([-1, 0]), "flow_upper": fractions([1, 0.5])}
+    assert check.Design.disturbance(stored(**ends), "", "b") == (
+        check.identity(2),
+        column([2, 0.5]),
+    )
+    shaped = {"disturbance_matrix": exact([[1], [2]]), "disturbance_lower": fractions([-3]),
+              "disturbance_upper": fractions([-1])}  # fmt: skip
+    plant = stored(**ends, **shaped)
+    assert check.Design.disturbance(plant, "", "b") == (exact([[1], [2]]), column([2]))
+    ends = {"jump_lower": fractions([0, 0]), "jump_upper": fractions([1, 2])}
+    assert check.Design.disturbance(stored(**ends), "jump_", "c")[1] == column([1, 2])
+    for upper in ([-1e-9, 2], [1, -1e-9]):
+        crossed = ends | {"jump_upper": fractions(upper)}
+        with pytest.raises(check.NotProved):
+            check.Design.disturbance(stored(**crossed), "jump_", "c")
+
+
+def test_noise_enters_by_the_size_of_gains() -> None:
+    gain, bounds = exact([[-1, 2], [0, -3]]), stored(noise_bound=fractions([1, 0.5]))
+    assert check.Design.noise(bounds, gain) == column([4, 3])
+    for V in ([-1e-9, 1], [1, -1e-9]):
+        with pytest.raises(check.NotProved):
+            check.Design.noise(stored(noise_bound=fractions(V)), gain)
 
 
 def test_the_step_limit_is_that_of_the_gains() -> None:

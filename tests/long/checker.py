@@ -84,7 +84,8 @@ def random_point_problem(rng: np.random.Generator) -> obsdesign.Problem:
 def accepted(document: dict[str, Any]) -> set[str]:
     """Claims of the programs that accept it; none where one of them, or the gains, is refused."""
     if "sensor" in document["problem"]:  # clocks of their own: one program, which reads the gains
-        return set() if exit_code(document, check_events) else CLOCKS
+        scope = {"event_stability"} if document["problem"].get("event") else CLOCKS
+        return set() if exit_code(document, check_events) else scope
     if exit_code(document, check_gains):
         return set()
     claims = set[str]()

@@ -45,12 +45,12 @@ TESTS = {
         "test_check_design.py",
         "test_scope.py",
     ),
-    "check_widths": ("test_width_steps.py", "test_check_widths.py"),
-    "check_events": ("test_event_steps.py", "test_check_events.py"),
+    "check_widths": ("test_width_steps.py", "test_traps.py", "test_check_widths.py"),
+    "check_events": ("test_event_steps.py", "test_traps.py", "test_check_events.py"),
 }
 # functions whose words only the output of the program shows
 SPEAKING = ("main", "prove_design", "prove_rates", "prove_width", "listed")
-SECONDS = 2.0  # of tests for a mutant
+SECONDS = 4.0  # of tests for a mutant
 LONGEST, FACTOR = 2.0, 10.0  # processor seconds of a test, beside what it takes without a change
 MEMORY = 4 << 30
 
