@@ -177,7 +177,7 @@ def mutated(document: dict[str, Any], rng: np.random.Generator) -> tuple[dict[st
         if rng.random() < 0.5 and root is result["gains"]:  # the plant too: consistent, and another
             targets += [
                 block for block in result["problem"].values()
-                if isinstance(block, dict) and path[0] in block
+                if isinstance(block, dict) and path in {*leaves(block)}
             ]  # fmt: skip
         for target in targets:
             value_at(target, path[:-1])[path[-1]] = value
