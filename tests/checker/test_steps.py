@@ -409,6 +409,19 @@ def test_hurwitz_or_not() -> None:
         assert refused(check.prove_hurwitz, F, forms) != expected, F
 
 
+def test_a_vector_proves_metzler_flows_alone() -> None:
+    """F v = -(1, 1) for v = (1, 1), and F has the eigenvalue 3."""
+    assert refused(check.prove_hurwitz, exact([[1, -2], [-2, 1]]), [])
+
+
+def test_row_sums_of_one_are_no_contraction() -> None:
+    """Thirds are rounded down: their sum is below 1 but for the radius."""
+    third = [[Fraction(1, 3)] * 3] * 3
+    assert refused(check.prove_one_dwell_time, exact(np.zeros((3, 3))), third, Fraction(1))
+    less = [[Fraction(1, 3) - Fraction(1, 10**9)] * 3] * 3
+    assert not refused(check.prove_one_dwell_time, exact(np.zeros((3, 3))), less, Fraction(1))
+
+
 def test_one_dwell_time() -> None:
     for F, H, T, expected in (
         ([[-1]], [[2]], 1, True), ([[-1]], [[3]], 1, False), ([[0]], [[1]], 1, False),
