@@ -41,11 +41,17 @@ TESTS = {
     "check_design": (
         "test_steps.py",
         "test_balls.py",
+        "test_forms.py",
         "test_traps.py",
         "test_check_design.py",
         "test_scope.py",
     ),
-    "check_widths": ("test_width_steps.py", "test_traps.py", "test_check_widths.py"),
+    "check_widths": (
+        "test_width_steps.py",
+        "test_forms.py",
+        "test_traps.py",
+        "test_check_widths.py",
+    ),
     "check_events": ("test_event_steps.py", "test_traps.py", "test_check_events.py"),
 }
 # functions whose words only the output of the program shows
