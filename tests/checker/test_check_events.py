@@ -177,6 +177,21 @@ WRONG: list[tuple[str, str, Change]] = [
     ]),
     ("one row", "a word", entry("sensor", "sees", "never", 1)),
     ("one row", "it is read at another event", entry("sensor", "at", "kick", 1)),
+    ("two sensors", "a sensor more in the gains", lambda d: d["gains"]["sensors"].append(
+        dict(d["gains"]["sensors"][1])
+    )),
+    ("two events", "an event more in the gains", lambda d: [
+        d["gains"][name].append(d["gains"][name][1]) for name in ("events", "M")
+    ]),
+    ("one event", "another name of a sensor", in_gains("sensors", 0, "name", value="x")),
+    ("one event", "another number of outputs", in_gains("sensors", 0, "outputs", value=2)),
+    ("one event", "it sees another state", in_gains("sensors", 0, "sees", value="after")),
+    ("one event", "it is read at an event", in_gains("sensors", 0, "event", value="hit")),
+    ("one event", "a word of both", lambda d: [
+        block.update(sees="never")
+        for block in (d["problem"]["sensor"][0], d["gains"]["sensors"][0])
+    ]),
+    ("one event", "another name of an event", in_gains("events", 0, "name", value="x")),
     ("one event", "jitter below zero", entry("sensor", "jitter", -5e-324)),
     ("one event", "losses that are no number", entry("sensor", "losses", True)),
     ("two events", "another order", lambda d: d["gains"]["events"].reverse()),

@@ -351,3 +351,98 @@ def test_an_entry_alone_while_others_are_held() -> None:
     system = still([[0, 8], [0, 40]], [0, 0], samples)
     for v2, expected in ((0.187, True), (0.188, False)):
         assert refused(check.prove_still, system, fractions([1, v2])) != expected
+
+
+# maps of events and samples ----------------------------------------------------------------------
+
+UNIT = [[1.0, 0.0], [0.0, 1.0]]
+
+
+def event(name: str, G: Any, every: Any = (1, 2), M: Any = ((0, 0), (0, 0))) -> Any:
+    return check.Event(name, exact(G), exact(M), span(*every))
+
+
+def sensor(name: str, output: int, at: str | None = None, sees: str = "before") -> Any:
+    return check.Sensor(name, [output], Fraction(0 if at else 1), at, sees)
+
+
+def maps_of(events: Any, sensors: Any = (), A: Any = ((-1, 0), (0, -1))) -> Any:
+    """The maps of a plant with two outputs, C = I, noise of 1 and 1/2, widths of b 1/4 and 0."""
+    design = SimpleNamespace(
+        n=2, A=exact(A), C=exact(UNIT), L=exact([[0.5, 0.0], [0.25, 0.0]]), f=fractions([0.25, 0]),
+        V=fractions([1, 0.5]), events=list(events), sensors=list(sensors),
+    )  # fmt: skip
+    return check.WidthMaps(design, homogeneous=False)
+
+
+@pytest.mark.parametrize(
+    ("G", "every", "read", "counts"),
+    [
+        (UNIT, (1, 2), False, False), ([[-0.5, 0], [0, -1]], (1, 2), False, False),
+        ([[0, 0], [0, 0]], (1, 2), False, False), ([[-2, 0], [0, 1]], (1, 2), False, True),
+        ([[1.5, 0], [0, 1]], (1, 2), False, True), ([[1, 0], [-0.1, 1]], (1, 2), False, True),
+        ([[1, 0.1], [0, 1]], (1, 2), False, True), (UNIT, (0, 2), False, True),
+        (UNIT, (1, 2), True, True),
+    ],
+)  # fmt: skip
+def test_events_that_count(G: Any, every: Any, read: bool, counts: bool) -> None:
+    sensors = [sensor("s", 0, "hit" if read else None)]
+    assert maps_of([event("hit", G, every)], sensors).events == ([0] if counts else [])
+
+
+def test_widths_flow_by_absolute_values_off_the_diagonal() -> None:
+    system = maps_of([], A=[[-1, -0.5], [0.25, -2]])
+    assert exact([[-1, 0.5], [0.25, -2]]) == system.W
+    assert system.f == fractions([0.25, 0])
+    still = check.WidthMaps(system.design, homogeneous=True)
+    assert still.f == still.V == [0, 0]
+
+
+def test_corrections_by_the_outputs_that_are_measured() -> None:
+    """|X - gain C| and 2 |gain| V, by both outputs, by either, by none."""
+    system, X, gain = maps_of([]), exact([[1, 2], [-3, 4]]), exact([[2, -1], [0, 5]])
+    for outputs, N, k in (
+        ([0, 1], [[1, 3], [3, 1]], [5, 5]), ([0], [[1, 2], [3, 4]], [4, 0]),
+        ([1], [[1, 3], [3, 1]], [1, 5]), ([], [[1, 2], [3, 4]], [0, 0]),
+    ):  # fmt: skip
+        assert system.corrected(X, gain, outputs) == (N, k)
+
+
+def test_a_sample_bounds_the_states_that_it_measures() -> None:
+    system = maps_of([], [sensor("s", 1)])
+    system.design.C = exact([[1, 0], [2, -4]])
+    (maps,) = system.sampled(0)
+    rows = ([[0, 2], [0.5, 0]], [0.5, 0.25])
+    assert maps == [
+        (exact(UNIT), [0, 0]),
+        (exact(UNIT), [0, 0]),
+        (exact(rows[0]), fractions(rows[1])),
+    ]
+
+
+def test_gains_at_events_need_what_was_measured_before_the_first() -> None:
+    """Stages of a row: samples before, an event each, samples after; maps to choose from in each."""
+    by_first, by_second = [[1, 0], [0, 0]], [[0, 0], [0, 1]]
+    read = [sensor("s", 0, "a"), sensor("t", 1, "b")]
+    for M, counts in ((by_first, [3, 3, 2, 1]), (by_second, [3, 3, 1, 1])):
+        system = maps_of([event("a", UNIT, M=M), event("b", UNIT, M=M)], read)
+        assert [len(stage) for stage in system.happened((0, 1))] == counts
+    for M, counts in ((by_first, [3, 2]), (by_second, [3, 1])):
+        system = maps_of([event("a", UNIT, M=M), event("b", UNIT, M=M)], read)
+        assert [len(stage) for stage in system.happened((0,))] == counts
+    late = [sensor("s", 0, "a", "after")]
+    system = maps_of([event("a", UNIT, M=by_first)], late)
+    assert [len(stage) for stage in system.happened((0,))] == [1, 3]
+    twice = maps_of([event("a", UNIT, M=by_first), event("b", UNIT, M=by_first)], read[:1])
+    assert [len(stage) for stage in twice.happened((0, 1))] == [3, 2, 1]
+
+
+def test_graphs_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = maps_of([event("a", UNIT, (0, 2))], [sensor("s", 0)])
+    system.design.spacing, system.design.counted = Fraction(0), [0]
+    marks = check.Marks(system, 2, 1)
+    size = len(check.Graph(system, marks).nodes)
+    monkeypatch.setattr(check, "MOST_NODES", size)
+    assert len(check.Graph(system, marks).nodes) == size
+    monkeypatch.setattr(check, "MOST_NODES", size - 1)
+    assert refused(check.Graph, system, marks)

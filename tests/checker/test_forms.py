@@ -13,7 +13,8 @@ from obsdesign.checker import check_design, check_widths
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
 ZEROS = np.zeros((2, 2))
-S, S2 = np.array([[1.0, -0.5], [0.0, 1.0]]), np.array([[1.0, 0.0], [0.5, 1.0]])
+# with entries below zero in each, in their inverses and in S^-1 S2
+S, S2 = np.array([[1.0, -0.5], [0.0, -1.0]]), np.array([[1.0, 0.0], [0.5, -1.0]])
 F, H = np.array([[-1.0, 0.5], [0.25, -2.0]]), np.array([[0.5, 0.25], [0.0, 1.0]])
 C, L, M = np.array([[0.5, 1.0]]), np.array([[0.25], [-0.5]]), np.array([[0.5], [-0.25]])
 PLACE = np.array([[0.0, 1.0], [0.0, 0.0]])  # the entry that changes
@@ -144,6 +145,9 @@ def test_what_is_below_zero_by_rounding(form: str) -> None:
         gains = matrices(form, F=flow - e * PLACE, D1=e * PLACE)
         assert is_refused(gains) == (form not in takes)
     unheld = matrices(form, F=flow - 2.0**-50 * PLACE, D0=flow)
+    assert is_refused(unheld) == (form == "cooperative")
+    jump = H - H * PLACE
+    unheld = matrices(form, H=jump - 2.0**-50 * PLACE, Gp=jump)
     assert is_refused(unheld) == (form == "cooperative")
 
 

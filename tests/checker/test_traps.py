@@ -123,6 +123,13 @@ def test_jumps_are_those_of_the_problem(name: str, program: ModuleType) -> None:
     assert exit_code(document, program) == 2
 
 
+def test_vectors_of_other_kinds_are_not_read() -> None:
+    proof = {"vector": [1.0, 1.0], "side": "left", "form": "before_jump"}
+    document = point_design([[-1.0, 0.0], [0.0, -1.0]], DEAD, [0.5, 3.0], proof)
+    for kind, code in (("luenberger", 0), ("finite_time", 2)):
+        assert exit_code(changed(document, set_in("kind", kind)), check_widths) == code
+
+
 # certificates ------------------------------------------------------------------------------------
 
 FALLS = {"P": [[1.0, 0.0], [0.0, 1.0]]}

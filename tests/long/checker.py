@@ -5,7 +5,8 @@ python -m tests.long.checker mutants FOLDER [COUNT] [SEED]   changed designs, si
 
 A mutant is falsely accepted if all programs that read it accept it, and `verify` does not prove a
 claim of theirs. Those are printed, each with its change, as are those that `verify` does not read:
-`check_events` leaves entries of the file unread, and compares no bounds of gains and problem. What a program refuses is met by no other one.
+`check_events` leaves entries of the file unread, and compares no bounds of gains and problem. What
+a program refuses is met by no other one.
 Their source is changed by `tests.long.checker_source`.
 """
 
