@@ -446,3 +446,90 @@ def test_graphs_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(check.Graph(system, marks).nodes) == size
     monkeypatch.setattr(check, "MOST_NODES", size - 1)
     assert refused(check.Graph, system, marks)
+
+
+# what a proof begins with ------------------------------------------------------------------------
+
+
+def plant_of(rates: Any, *events: Any) -> Any:
+    """A design without sensors, of one rate for each state."""
+    n = len(rates)
+    zeros = [Fraction(0)] * n
+    return SimpleNamespace(
+        n=n, A=exact(np.diag(rates)), C=[], L=[[]] * n, f=zeros, V=[], events=list(events),
+        sensors=[], counted=[], spacing=Fraction(0),
+    )  # fmt: skip
+
+
+WIDENS = [[2.0, 0.0], [0.0, 2.0]]
+
+
+@pytest.mark.parametrize("rates", [(-1, -1), (0.01, -1), (-1, 0.01), (-1, 0)])
+def test_the_width_falls_by_itself_where_events_stay_away(
+    rates: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever a graph of the instants at events proves."""
+    monkeypatch.setattr(check, "prove_graph", lambda *values: None)
+    monkeypatch.setattr(check, "Marks", lambda *values: None)
+    monkeypatch.setattr(check, "Graph", lambda *values: SimpleNamespace(nodes=[[]]))
+    finite, endless = event("a", WIDENS), event("b", WIDENS, (1, INF))
+    falls, evidence = max(rates) < 0, {"tube": [[1.0, 1.0]], "cells": 1}
+    for events, proved in (
+        ([endless], falls), ([endless, endless], falls), ([finite], True), ([finite, endless], True),
+        ([endless, finite], True), ([endless, event("c", UNIT)], falls),
+    ):  # fmt: skip
+        plant = plant_of(rates, *events)
+        assert refused(check.prove_stability, plant, evidence) != proved
+
+
+def test_graphs_of_two_kinds_and_a_bound_for_each_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, met = [], []
+
+    def graph(system: Any, marks: Any) -> Any:
+        made.append(marks)
+        return SimpleNamespace(nodes=[[]] * (2 if marks[1] == 1 else 3))
+
+    monkeypatch.setattr(check, "prove_graph", lambda s, own, tube: met.append(len(own.nodes)))
+    monkeypatch.setattr(check, "Marks", lambda system, cells, beyond: (cells, beyond))
+    monkeypatch.setattr(check, "Graph", graph)
+    plant = plant_of((-1, -1), event("a", WIDENS))
+    for rows, cells, proved in (
+        (2, 4, True), (3, 4, True), (1, 4, False), (4, 4, False), (2, 0, False), (3, 0, False),
+        (2, -1, False), (2, True, False), (2, 1.0, False), (2, 10**4, False),
+    ):  # fmt: skip
+        evidence = {"tube": [[1.0, 1.0]] * rows, "cells": cells}
+        assert refused(check.prove_stability, plant, evidence) != proved
+    assert made[:2] == [(4, 1), (4, 4)]
+    assert met == [2, 3]
+
+
+def test_bounds_have_a_sign() -> None:
+    """A bound below zero falls where the flow grows."""
+    for rates, v, proved in (
+        ((-1, -1), [1, 1], True), ((1, 1), [-1, -1], False), ((-1, 1), [1, -1], False),
+        ((1, 1), [-0.5, -0.5], False), ((-1, -1), [1, 0], False),
+    ):  # fmt: skip
+        evidence = {"tube": [list(map(float, v))], "cells": 1}
+        assert refused(check.prove_stability, plant_of(rates), evidence) != proved
+
+
+def test_widths_are_at_least_their_tube(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(check, "prove_still", lambda *values: None)
+    for v, always, proved in (
+        ([1, 1], [2, 1], True), ([1, 1], [2, 0.5], False), ([1, 1], [0.5, 2], False),
+        ([0, 1], [1, 1], False), ([-0.5, 1], [1, 1], False), ([1, 0], [1, 1], False),
+    ):  # fmt: skip
+        evidence = {"tube": [v], "always": always}
+        plant = plant_of((-1, -1))
+        assert refused(check.prove_width, plant, evidence) != proved
+        if proved:
+            assert check.prove_width(plant, evidence).endswith("at most (2.0, 1.0)")
+
+
+def test_inputs_count_in_widths() -> None:
+    plant = plant_of((-1, -1))
+    for f, proved in ((0.5, True), (1.5, False)):
+        plant.f = fractions([f, 0])
+        evidence = {"tube": [[1.0, 1.0]], "always": [1.0, 1.0], "cells": 1}
+        assert refused(check.prove_width, plant, evidence) != proved
+        check.prove_stability(plant, evidence)
