@@ -278,6 +278,38 @@ def test_times_next_to_a_border_count_to_both_cells() -> None:
         assert exit_code(changed(document, lambda d: None), check_design) == code
 
 
+def moving(rate: float, gains: Any, ends: Any, P: Any, tails: Any = ()) -> Any:
+    """x' = rate x, x+ = a gain of two x, for dwell times below 1 and beyond."""
+    document = scheduled(0.1, 9.0, P)
+    document["gains"]["A"] = document["problem"]["flow"]["A"] = [[rate]]
+    for block in (document["gains"], document["problem"]["jump"]):
+        block["G"], block["dwell_time"] = [[gains[0]]], ends
+    document["gains"]["M_cells"] = [[[0.0]], [[gains[0] - gains[1]]]]
+    evidence(document)["tails"] = list(tails)
+    return changed(document, lambda d: None)
+
+
+def test_each_cell_is_proved_from_its_first_time_to_its_last() -> None:
+    """|gain| e^(rate T) < 1 at the end of a cell where it is largest, borders with their room."""
+    room, P = float(check_design.BORDER), [[[1.0]], [[1.0]]]
+    for rate, ends, cells in (
+        (0.5, [0.5, 2.0], (1 + room, 2.0)), (-0.5, [0.5, 2.0], (0.5, 1 - room)),
+    ):  # fmt: skip
+        for k, worst in enumerate(cells):
+            for share, code in ((1 - 5e-10, 0), (1 + 5e-10, 1)):
+                gains = [0.1, 0.1]
+                gains[k] = math.exp(-rate * worst) * share
+                assert exit_code(moving(rate, gains, ends, P), check_design) == code
+
+
+def test_matrices_of_a_schedule_are_positive() -> None:
+    """-4 e^(-T / 5) < -1, where x grows at each jump."""
+    for sign, gain, code in ((1.0, 0.5, 0), (-1.0, 2.0, 1)):
+        P, tail = [[[sign]], [[sign]]], [[1.0]]
+        document = moving(-0.1, [gain, gain], [0.5, 2.0], P, [tail])
+        assert exit_code(document, check_design) == code
+
+
 # what `verify` says of the same ------------------------------------------------------------------
 
 
