@@ -39,6 +39,8 @@ WIDTHS = {"width", "sampled_width"}
 SCOPES = {check_design: SIGNS | STABILITY, check_widths: SIGNS | WIDTHS}
 CLOCKS = {"event_stability", "event_width"}
 SCOPE = set.union(*SCOPES.values(), CLOCKS)
+# entries of evidence that `verify` reads and the programs work out, or do without
+UNREAD = {"edges", "cells"}
 SECONDS = 20.0
 
 
@@ -173,7 +175,8 @@ def mutated(document: dict[str, Any], rng: np.random.Generator) -> tuple[dict[st
         roots = [result["problem"], result["gains"]]
         roots += [evidence[name] for name in sorted(SCOPE & set(evidence) - {"consistent"})]
         root = roots[int(rng.integers(len(roots)))]
-        places = list(leaves(root))
+        own = UNREAD if root in evidence.values() else set()
+        places = [path for path in leaves(root) if path[0] not in own]
         if not places:
             continue
         path = places[int(rng.integers(len(places)))]

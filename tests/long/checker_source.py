@@ -198,11 +198,11 @@ def _in_a_process(work: Callable[[], None]) -> str:
     return "killed" if os.waitpid(child, 0)[1] else "survived"
 
 
-def explained(name: str) -> set[tuple[str, str, str]]:
-    """(function, line before, line after) of mutants that no test can see."""
-    entries = tomllib.loads(EXPLAINED.read_text("utf-8"))["line"] if EXPLAINED.exists() else []
+def explained(name: str) -> set[tuple[str, str]]:
+    """(function, changed line) of mutants that no test can see."""
+    entries = tomllib.loads(EXPLAINED.read_text("utf-8"))["line"]
     return {
-        (entry["function"], entry["was"], now)
+        (entry["function"], now)
         for entry in entries
         if entry["program"] == name
         for now in entry["now"]
@@ -216,13 +216,13 @@ def main(name: str, *functions: str) -> int:
     meeting = Meeting(name, mutants)
     tests = [str(FOLDER.parents[1] / "tests" / "checker" / file) for file in TESTS[name]]
     code = pytest.main(["-s", "-p", "no:xdist", "-p", "no:terminal", *tests], [meeting])
-    survivors = {(m.function, m.was, m.now) for m in meeting.survivors}
-    for function, was, now in sorted(survivors - known):
-        print(f"not explained: {function}\n    {was}\n    {now}")
+    survivors = {(m.function, m.now) for m in meeting.survivors}
+    for function, now in sorted(survivors - known):
+        print(f"not explained: {function}\n    {now}")
     met = {m.function for m in mutants}
-    for function, was, now in sorted(known - survivors):
+    for function, now in sorted(known - survivors):
         if function in met:
-            print(f"explained, and no survivor: {function}\n    {was}\n    {now}")
+            print(f"explained, and no survivor: {function}\n    {now}")
     return int(bool(survivors - known) or code != 0)
 
 
