@@ -533,3 +533,13 @@ def test_inputs_count_in_widths() -> None:
         evidence = {"tube": [[1.0, 1.0]], "always": [1.0, 1.0], "cells": 1}
         assert refused(check.prove_width, plant, evidence) != proved
         check.prove_stability(plant, evidence)
+
+
+def test_ages_of_samples_grow_from_mark_to_mark() -> None:
+    """An event each tenth, and a sample somewhere in each second: all ages up to 1 at the events."""
+    system = maps_of([event("a", WIDENS, (0.1, 0.1))], [sensor("s", 0)])
+    system.design.spacing, system.design.counted = Fraction(0), [0]
+    graph = check.Graph(system, check.Marks(system, 1, 1))
+    count = len(graph.cells[0])
+    assert count == 10
+    assert graph.aged == {0: {(0, i) for i in range(count)}}

@@ -165,7 +165,7 @@ def test_so_does_a_rate_of_the_error() -> None:
     ("entry", "value"),
     [
         ("per_jump", True), ("per_jump", 0.0), ("per_jump", 1.0), ("per_jump", "inf"),
-        ("per_jump", None), ("in_time", True), ("in_time", -0.05), ("in_time", None),
+        ("per_jump", None), ("per_jump", -0.9), ("in_time", True), ("in_time", -0.05), ("in_time", None),
     ],
 )  # fmt: skip
 def test_a_rate_is_a_number_of_its_range(entry: str, value: Any) -> None:

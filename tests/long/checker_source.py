@@ -42,6 +42,7 @@ TESTS = {
         "test_steps.py",
         "test_balls.py",
         "test_forms.py",
+        "test_sentences.py",
         "test_traps.py",
         "test_check_design.py",
         "test_scope.py",
@@ -49,6 +50,7 @@ TESTS = {
     "check_widths": (
         "test_width_steps.py",
         "test_forms.py",
+        "test_sentences.py",
         "test_traps.py",
         "test_check_widths.py",
     ),
