@@ -302,7 +302,7 @@ def plot(
         own, second = (
             Table(each.design.kind, each.tables[0].columns) for each in (estimates, beside)
         )
-    record = EstimateRecord.from_tables(own, data, impulses, second, named=compared.events)
+    record = EstimateRecord.from_tables(own, data, impulses, second, clocks=compared.clocks)
     if (ax is None) != (state is None):
         raise InputError("plot: state and ax are given together, for one panel.")
     if ax is None or state is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,8 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator
 
-from lmi.arithmetic.arrays import Entries, Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, Value
 from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
+from obsdesign.pages.plotting.row_lines import MOST_DOTS
 from obsdesign.pages.plotting.strips import Strip
 from obsdesign.pages.plotting.style import BLUE, GREEN, ORANGE
 
@@ -18,32 +20,28 @@ _BAND, _OTHER, _STRIP = BLUE, ORANGE, GREEN
 _BEHIND, _BETWEEN, _FRONT = 1.0, 1.3, 1.6
 # bounds of another observer are shown up to so many heights of the estimate's own bounds beyond
 _MOST_BEYOND = 1.5
-# more samples than these are too close for dots
-_MOST_DOTS = 150
 # an axis of widths shows at least so many decades, and more than so many by powers of ten alone
 _LEAST_DECADES, _FEW_DECADES = 1.2, 2.5
 # and at most so many: what is narrower is nothing to anybody
 _MOST_DECADES = 6.0
 
 
-def draw_bounds(
-    axis: Axes, name: str, record: EstimateRecord, strip: Strip | None, rows_only: bool
-) -> None:
-    """The other observer's bounds, the strip over them, and the estimate's own in front."""
+def draw_bounds(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None) -> None:
+    """The wider of two observers' bounds, the strip over them, and the narrower in front."""
     compared = bool(record.other.columns)
     own = _ends(record.estimate, name)
-    if compared and f"{name}_lo" in record.other:
-        _band(axis, record, record.other, name, rows_only)
+    tables = [t for t in (record.other, record.estimate) if f"{name}_lo" in t]
+    back, *front = sorted(tables, key=lambda table: -_mean_width(table, name))
+    if front:
+        _band(axis, record, back, name, _BEHIND)
     if strip is not None:
         _draw_strip(axis, strip)
-    _band(axis, record, record.estimate, name, rows_only)
+    _band(axis, record, front[0] if front else back, name, _FRONT)
     if compared:
         axis.set_ylim(*_limits(own, axis.get_ylim()))
 
 
-def draw_widths(
-    axis: Axes, name: str, record: EstimateRecord, strip: Strip | None, rows_only: bool
-) -> None:
+def draw_widths(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None) -> None:
     """Width of the bounds over time, on a logarithmic axis; the strip's as a level."""
     level = strip.width if strip is not None else 0.0  # 0 without noise: not on such an axis
     drawn = [np.array([level])] if level else []
@@ -52,10 +50,11 @@ def draw_widths(
             continue
         lower, upper = _ends(table, name)
         t, width = table.numbers("t"), np.where(upper > lower, upper - lower, np.nan)
-        if not rows_only:
-            t, (width,) = with_gaps(t, [width], record.jumps)
         drawn.append(width[np.isfinite(width) & (width > 0)])
-        axis.plot(t, width, "." if rows_only else "-", color=_style(record, table)["color"], lw=1.3)
+        rows, colour = record.lines(t), _style(record, table)["color"]
+        split, (line,) = rows.pieces([width], record.steps)
+        axis.plot(split, line, color=colour, lw=1.3)
+        axis.plot(t[rows.alone], width[rows.alone], ".", color=colour)
     if level:
         axis.axhline(level, color=_STRIP, lw=1.4, ls=(0, (4, 2)))
     axis.set_yscale("log")
@@ -78,12 +77,6 @@ def _decades(widths: Matrix) -> tuple[float, float]:
     return float(low - (high - low) / 20), float(high + (high - low) / 20)
 
 
-def with_gaps(t: Matrix, series: Sequence[Matrix], jumps: Matrix) -> tuple[Matrix, list[Matrix]]:
-    """Break the lines at jumps: the last value is held up to the jump, which is a step."""
-    at = np.flatnonzero(np.isin(t, jumps) & (np.arange(len(t)) > 0))
-    return np.insert(t, at, t[at]), [np.insert(s, at, s[at - 1]) for s in series]
-
-
 def _ends(table: Table, name: str) -> tuple[Matrix, Matrix]:
     return table.drawable(f"{name}_lo"), table.drawable(f"{name}_hi")
 
@@ -95,33 +88,44 @@ def _style(record: EstimateRecord, table: Table) -> Entries:
     return {"color": colour, "label": label.replace("_", " ")}
 
 
-def _band(axis: Axes, record: EstimateRecord, table: Table, name: str, rows_only: bool) -> None:
-    """Bounds of a table; those in front hide what is behind them."""
+def _mean_width(table: Table, name: str) -> float:
     low, high = _ends(table, name)
-    style, order = _style(record, table), _BEHIND if table is record.other else _FRONT
-    t = table.numbers("t")
-    if rows_only:
-        wide = 5.0 if table is record.other else 2.5
-        axis.vlines(t, low, high, lw=wide, alpha=0.6, zorder=order, **style)
-        return
-    split, (low, high) = with_gaps(t, [low, high], record.jumps)
+    known = np.isfinite(high - low)
+    return float((high - low)[known].mean()) if known.any() else math.inf
+
+
+def _band(axis: Axes, record: EstimateRecord, table: Table, name: str, order: float) -> None:
+    """Bounds of a table, bars at rows that are joined with none; what is in front hides others."""
+    t, ends = table.numbers("t"), _ends(table, name)
+    rows, style = record.lines(t), _style(record, table)
+    split, (low, high) = rows.pieces(ends, record.steps)
     if order == _FRONT:
         axis.fill_between(split, low, high, color="white", alpha=0.7, lw=0, zorder=order)
     axis.fill_between(split, low, high, alpha=0.3, lw=0, zorder=order, **style)
     for edge in (low, high):
         axis.plot(split, edge, color=style["color"], lw=0.9, zorder=order + 0.1)
+    wide, own = 4.0 if order == _FRONT else 7.0, [end[rows.alone] for end in ends]
+    if order == _FRONT:
+        _bars(axis, t[rows.alone], own, lw=wide, zorder=order, color="white")
+    _bars(axis, t[rows.alone], own, lw=wide, zorder=order, color=style["color"])
+    for end in own:  # what is narrower than a line has two ends as well
+        axis.plot(t[rows.alone], end, "_", ms=wide, mew=0.9, zorder=order + 0.1,
+                  color=style["color"])  # fmt: skip
+
+
+def _bars(axis: Axes, t: Matrix, ends: Sequence[Matrix], **style: Value) -> None:
+    """A bar from end to end at each time; as one path, so that they do not darken each other."""
+    path = np.column_stack([*ends, np.full(len(t), np.nan)]).ravel()
+    axis.plot(t.repeat(3), path, alpha=0.6, solid_capstyle="butt", **style)
 
 
 def _draw_strip(axis: Axes, strip: Strip) -> None:
     """A bar at each sample, with a dot where they are few; nothing between samples."""
-    rows = strip.t.repeat(3)
-    bars = np.column_stack([strip.lower, strip.upper, np.full(len(strip.t), np.nan)]).ravel()
-    wide = float(np.clip(300 / len(strip.t), 1.0, 4.0))
-    axis.plot(rows, bars, color=_STRIP, alpha=0.5, lw=wide, zorder=_BETWEEN,
-              solid_capstyle="butt")  # fmt: skip
+    wide = float(np.clip(300 / len(strip.t), 1.0, 5.5))
+    _bars(axis, strip.t, [strip.lower, strip.upper], color=_STRIP, lw=wide, zorder=_BETWEEN)
     axis.fill_between([], [], color=_STRIP, alpha=0.5, lw=0, label="sensor strip")
     middles = (strip.lower + strip.upper) / 2
-    if 0 < np.isfinite(middles).sum() <= _MOST_DOTS:
+    if 0 < np.isfinite(middles).sum() <= MOST_DOTS:
         axis.plot(strip.t, middles, ".", color=_STRIP, ms=4, zorder=_FRONT + 0.2, label="sample")
 
 

@@ -8,7 +8,7 @@ Bounds that are compared, with another observer or with the sensor, have a panel
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import cycle
 
@@ -16,11 +16,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lmi.arithmetic.arrays import Array, Entries, Matrix
+from lmi.arithmetic.arrays import Array, Entries, Matrix, Value
 from obsdesign.data.csv_lines import all_titles
 from obsdesign.errors import InputError
-from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths, with_gaps
-from obsdesign.pages.plotting.estimate_record import ONE_JUMP, EstimateRecord, Table
+from obsdesign.pages.plotting.bounds import draw_bounds, draw_widths
+from obsdesign.pages.plotting.estimate_record import (
+    ONE_JUMP,
+    ClockColumns,
+    EstimateRecord,
+    Table,
+)
+from obsdesign.pages.plotting.row_lines import RowLines
 from obsdesign.pages.plotting.stays import draw_stays
 from obsdesign.pages.plotting.strips import Strip, strips_of
 from obsdesign.pages.plotting.style import (
@@ -32,6 +38,7 @@ from obsdesign.pages.plotting.style import (
     check_output,
     picture,
 )
+from obsdesign.problem.clocks import CONTINUOUS
 from obsdesign.problem.problem import Problem
 from obsdesign.problem.signal_names import SignalNames
 
@@ -77,11 +84,16 @@ class Comparison:
         return all_titles(self.names.columns, self.titles)
 
     @property
-    def events(self) -> Mapping[str, Sequence[str]]:
-        """Columns of each of the plant's events in data; that of jumps without a plant."""
+    def clocks(self) -> ClockColumns:
+        """Columns of the plant's events and sampled outputs in data; of jumps without a plant."""
         if self.problem is None:
             return ONE_JUMP
-        return {event.name: event.columns for event in self.problem.plant.events}
+        plant = self.problem.plant
+        events = {event.name: event.columns for event in plant.events}
+        # samples at events are marked by these
+        sampled = [x for x in plant.sensors if x.measured not in (CONTINUOUS, "at_jumps")]
+        return ClockColumns(events, [title for sensor in sampled for title in sensor.columns],
+                            plant.flow.dt or 0.0)  # fmt: skip
 
 
 NOTHING = Comparison()
@@ -101,7 +113,7 @@ def plot_estimate(
     """
     check_output(output)
     record = EstimateRecord.from_files(
-        estimate, data, events, compared.other, named=compared.events, titles=compared.columns
+        estimate, data, events, compared.other, clocks=compared.clocks, titles=compared.columns
     )
     draw_record(record, compared, output)
 
@@ -141,6 +153,7 @@ def draw_panel(
         _state(axis, name, record, compared.strips(record.data).get(name))
     _mark_status(axis, record)
     _time_axis(axis, record)
+    axis.legend(fontsize=8, frameon=False)
 
 
 def _with_widths(record: EstimateRecord, strips: Mapping[str, Strip], output: str | None) -> Figure:
@@ -151,7 +164,7 @@ def _with_widths(record: EstimateRecord, strips: Mapping[str, Strip], output: st
         for (left, right), name in zip(axes, names, strict=True):
             _state(left, name, record, strips.get(name))
             draw_stays(right, record.stays)
-            draw_widths(right, name, record, strips.get(name), record.rows_only)
+            draw_widths(right, name, record, strips.get(name))
         axes[0, 0].set_title("bounds", fontsize=9)
         axes[0, 1].set_title("width of the bounds (logarithmic)", fontsize=9)
         _finish(figure, axes[:, 0], axes[-1], record)
@@ -200,26 +213,35 @@ def _panel(axis: Axes, name: str, record: EstimateRecord) -> None:
 def _state(axis: Axes, name: str, record: EstimateRecord, strip: Strip | None = None) -> None:
     """Bounds, estimate and truth of one state, with the jumps."""
     # where every row is an event its dot says so; lines would hide it
-    happened = {} if record.rows_only else record.happened
+    happened = {} if record.has_events_only else record.happened
     for colour, (event, instants) in zip(cycle(_EVENTS), happened.items(), strict=False):
         for k, instant in enumerate(instants):
             axis.axvline(instant, lw=0.7, ls=(0, (2, 2)), zorder=0, color=colour,
                          label=event if k == 0 else None)  # fmt: skip
     draw_stays(axis, record.stays)
-    t, estimate, data = record.t, record.estimate, record.data
-    rows_only = record.rows_only
+    estimate, data = record.estimate, record.data
     if f"{name}_lo" in estimate:
-        draw_bounds(axis, name, record, strip, rows_only)
+        draw_bounds(axis, name, record, strip)
     if name in estimate:
-        axis.plot(t, estimate.drawable(name), "o" if rows_only else "-", ms=4, color=_ESTIMATE,
-                  lw=1.4, label="estimate")  # fmt: skip
-    if name in data and rows_only:
-        axis.plot(record.data_t, data.numbers(name), ".", color=_TRUTH, ms=4, label="true state")
-    elif name in data:
-        split, pieces = with_gaps(record.data_t, [data.numbers(name)], record.jumps)
-        axis.plot(split, pieces[0], color=_TRUTH, lw=0.9 if strip else 1.1, label="true state")
+        _curve(axis, record.lines(record.t), estimate.drawable(name), record.jumps,
+               "o", color=_ESTIMATE, lw=1.4, label="estimate")  # fmt: skip
+    if name in data:
+        _curve(axis, record.lines(record.data_t), data.numbers(name), record.jumps,
+               ".", color=_TRUTH, lw=0.9 if strip else 1.1, label="true state")  # fmt: skip
     _label(axis, name, record.names)
-    axis.margins(x=0.02 if rows_only else 0.01)
+    axis.margins(x=0.02 if record.lines(record.t).alone.any() else 0.01)
+
+
+def _curve(
+    axis: Axes, rows: RowLines, values: Matrix, steps: Matrix, dot: str, **style: Value
+) -> None:
+    """A line through the rows that are joined, dots at the others."""
+    split, (line,) = rows.pieces([values], steps)
+    alone = np.where(rows.alone, values, np.nan)
+    if not rows.alone.all():
+        axis.plot(split, line, "-", **style)
+        style["label"] = None
+    axis.plot(rows.t, alone, dot, ms=4, **{**style, "lw": 0})
 
 
 def _label(axis: Axes, name: str, names: SignalNames) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -9,17 +10,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.column_names import JUMP, MODE, TIME
+from obsdesign.column_names import EVENT, JUMP, MODE, RECEIVED, STATUS, TIME
 from obsdesign.data.csv_lines import OWN_TITLES, column_numbers, read_columns
 from obsdesign.errors import InputError
+from obsdesign.pages.plotting.row_lines import RowLines
 from obsdesign.problem.signal_names import SignalNames
 
 # beyond, the drawing library overflows
 _DRAWABLE = 1e100
-# with more jumps than this part of the rows, nothing is known between them: no lines are drawn
-_ROWS_ONLY = 0.9
-# columns of the events of a plant with one kind of jump
-ONE_JUMP: Mapping[str, Sequence[str]] = {JUMP: (JUMP,)}
+# with more events than this part of the rows no lines mark them
+_EVENTS_ONLY = 0.9
+# columns of a record that are no samples, whatever the plant
+_NO_SAMPLES = re.compile(rf"{TIME}|{JUMP}|{MODE}|{STATUS}|{EVENT}|{RECEIVED}|[xduw]\d+|.*_(lo|hi)")
+
+
+@dataclass(frozen=True)
+class ClockColumns:
+    """Columns of data that say when something happens.
+
+    events: by the name of an event; samples: of sensors that do not measure at every row, None
+    where the plant is not known: columns with empty cells then; step: of discrete time, or 0.
+    """
+
+    events: Mapping[str, Sequence[str]] = field(default_factory=lambda: {JUMP: (JUMP,)})
+    samples: Sequence[str] | None = None
+    step: float = 0.0
+
+    def sampled(self, data: Table) -> NDArray[np.bool_]:
+        """In which rows of data there is such a sample."""
+        titles = self.samples
+        if titles is None:
+            partial = [title for title, cells in data.columns.items() if "" in cells]
+            titles = [title for title in partial if not _NO_SAMPLES.fullmatch(title)]
+        return _happens(data, titles)
+
+
+# of a plant with one kind of jump
+ONE_JUMP = ClockColumns()
 
 
 @dataclass(frozen=True)
@@ -90,7 +117,8 @@ class EstimateRecord:
     """An estimate, the data with the truth, and impulses, as files hold them.
 
     other: the estimate of a second observer, on the same data; happened: times of each event;
-    names: of states and outputs.
+    samples: times of samples of sensors that do not measure at every row; step: of discrete time,
+    or 0; names: of states and outputs.
     """
 
     estimate: Table
@@ -100,25 +128,26 @@ class EstimateRecord:
     t: Matrix
     data_t: Matrix
     happened: Mapping[str, Matrix]
+    samples: Matrix
+    step: float = 0.0
     names: SignalNames = field(default_factory=SignalNames)
 
     @classmethod
     def from_files(
         cls, estimate: str, data: str | None, events: str | None, other: str | None = None,
-        *, named: Mapping[str, Sequence[str]] = ONE_JUMP, titles: Mapping[str, str] = OWN_TITLES,
+        *, clocks: ClockColumns = ONE_JUMP, titles: Mapping[str, str] = OWN_TITLES,
     ) -> EstimateRecord:  # fmt: skip
         """InputError where a file cannot be read, or they are not of one plant.
 
-        named: columns of the data that say when an event happens, by its name; titles: column of
-        the data by another title of it.
+        titles: column of the data by another title of it.
         """
         tables = (Table.from_file(estimate), Table.from_file(data, titles), Table.from_file(events))
-        return cls.from_tables(*tables, Table.from_file(other), named=named)
+        return cls.from_tables(*tables, Table.from_file(other), clocks=clocks)
 
     @classmethod
     def from_tables(
         cls, estimates: Table, truth: Table, impulses: Table, second: Table,
-        *, named: Mapping[str, Sequence[str]] = ONE_JUMP,
+        *, clocks: ClockColumns = ONE_JUMP,
     ) -> EstimateRecord:  # fmt: skip
         """The same from the tables of such files; empty ones where there is no file."""
         t = estimates.numbers("t")
@@ -130,8 +159,10 @@ class EstimateRecord:
             _check_states(estimates, table)
         _check_bounds(estimates, second)
         times = truth.numbers("t") if truth.columns else np.zeros(0)
-        happened = {name: times[_happens(truth, titles)] for name, titles in named.items()}
-        return cls(estimates, truth, impulses, second, t, times, happened)
+        happened = {name: times[_happens(truth, titles)] for name, titles in clocks.events.items()}
+        samples = times[clocks.sampled(truth)]
+        return cls(estimates, truth, impulses, second, t, times, happened, samples,
+                   clocks.step)  # fmt: skip
 
     @property
     def jumps(self) -> Matrix:
@@ -160,9 +191,23 @@ class EstimateRecord:
         return bool(self.impulses.columns)
 
     @property
-    def rows_only(self) -> bool:
-        """Is nearly every row a jump?"""
-        return float(np.isin(self.t, self.jumps).mean()) > _ROWS_ONLY
+    def instants(self) -> Matrix:
+        """Times of all events and samples."""
+        return np.concatenate([self.jumps, self.samples])
+
+    @property
+    def has_events_only(self) -> bool:
+        """Is nearly every row an event?"""
+        return float(np.isin(self.t, self.jumps).mean()) > _EVENTS_ONLY
+
+    @property
+    def steps(self) -> Matrix:
+        """Times at which bounds and estimates step; in discrete time a sample is a row like any."""
+        return self.jumps if self.step else self.instants
+
+    def lines(self, t: Matrix) -> RowLines:
+        """What a line through rows at times t, of one of the files, joins."""
+        return RowLines(t, self.instants, self.step)
 
     @property
     def panels(self) -> list[str]:

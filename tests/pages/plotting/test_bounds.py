@@ -83,14 +83,14 @@ def test_every_event_is_drawn_by_its_name_and_samples_as_dots(tmp_path: Path) ->
               for i in range(3) for end, shift in (("lo", -1.0), ("hi", 1.0))}  # fmt: skip
     Path(estimate).write_text(table_text({"t": run.t, **bounds}))
     compared = Comparison(problem=problem)
-    record = EstimateRecord.from_files(estimate, str(data), None, named=compared.events)
+    record = EstimateRecord.from_files(estimate, str(data), None, clocks=compared.clocks)
     assert run.happened is not None
     assert {name: list(times) for name, times in record.happened.items()} == {
         name: list(run.t[run.happened[:, k]]) for k, name in enumerate(("dose", "bolus"))
     }
     assert len(record.jumps) == run.happened.any(axis=1).sum()
     axis = Figure().subplots()
-    draw_bounds(axis, "x3", record, strips_of(plant, record.data)["x3"], False)
+    draw_bounds(axis, "x3", record, strips_of(plant, record.data)["x3"])
     (dots,) = (line for line in axis.get_lines() if line.get_label() == "sample")
     drawn = np.isfinite(np.asarray(dots.get_ydata()))
     assert np.array_equal(drawn, np.isfinite(record.data.numbers("tissue")))
@@ -106,7 +106,7 @@ def test_an_axis_of_widths_shows_the_widest_and_six_decades_at_most(narrow: floa
     table = Table("e.csv", {name: list(map(repr, x.tolist())) for name, x in columns.items()})
     record = EstimateRecord.from_tables(table, Table("", {}), Table("", {}), Table("", {}))
     axis = Figure().subplots()
-    draw_widths(axis, "x1", record, None, False)
+    draw_widths(axis, "x1", record, None)
     low, high = np.log10(axis.get_ylim())
     assert 0.0 < high < 0.5
     assert -7.0 < low < -3.0
