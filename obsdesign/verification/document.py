@@ -69,6 +69,7 @@ def document_claim(
     that the evidence in the document lacks (`as_marked`): they are among the sentences.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
+    design = _in_current_words(design)
     stored = {claim.id: claim for claim in design.claims}
     claims = tuple(claim for claim in claims if claim.id in stored or claim.id not in ADDED_CLAIMS)
     open_now = [claim.id for claim in claims if _is_open_now(claim, stored.get(claim.id))]
@@ -90,6 +91,18 @@ def document_claim(
     more = _withheld(design, sentences)
     sentences = sentences_from(problem, assumed)
     return claim, replace(sentences, warnings=(*sentences.warnings, *more))
+
+
+def _in_current_words(design: Design) -> Design:
+    """The document with the sentences of earlier releases in the words of today."""
+    return replace(
+        design,
+        claims=tuple(replace(x, statement=current_statement(x.statement)) for x in design.claims),
+        guarantees=tuple(
+            replace(x, statement=current_statement(x.statement)) for x in design.guarantees
+        ),
+        warnings=design.warnings and tuple(map(current_statement, design.warnings)),
+    )
 
 
 def _document_verdict(
@@ -276,10 +289,7 @@ def _evidence_gap(stored: Mapping[str, Claim], recomputed: tuple[Claim, ...]) ->
 def _difference(stored: tuple[Claim, ...], recomputed: tuple[Claim, ...]) -> str | None:
     """The id of a claim in which the two differ, evidence apart."""
     old, new = (
-        sorted(
-            (c.id, current_statement(c.statement), current_source(c.source), c.verdict)
-            for c in group
-        )
+        sorted((c.id, c.statement, current_source(c.source), c.verdict) for c in group)
         for group in (stored, recomputed)
     )
     wrong = sorted({entry[0] for entry in set(old) ^ set(new)})

@@ -10,6 +10,7 @@ they differ, not false. An unknown entry is refused.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -70,19 +71,45 @@ def current_source(source: str) -> str:
     return source
 
 
-# words of statements of earlier releases, with the same meaning
+# words of claims, guarantees and warnings of earlier releases, with the same meaning; expressions
 _OLDER_STATEMENTS = {
     "what the rounding of the stored matrices leaves of the estimates for ever is": (
         "the steady-state error of the estimates from rounding the stored matrices is"
     ),
     "no bounds depend on the start for ever": "in steady state no bounds depend on the start",
+    "The samples do not bound all of that, modes that die within a period: the bounds that run "
+    "are infinite": (
+        "The samples do not bound modes that decay within one period, so that the bounds at run "
+        "time are infinite"
+    ),
+    "The plant by itself does not tend to zero for all its parameters, nor need the estimation "
+    "error then:": (
+        "The plant by itself is not stable for all its parameters, so that the estimation error "
+        "need not tend to zero:"
+    ),
+    "It is not proved that the plant by itself tends to zero for all its parameters, on which it "
+    "depends whether the estimation error does": (
+        "The plant by itself is not proved stable for all its parameters; where it is not, the "
+        "estimation error need not tend to zero"
+    ),
+    r"the bounds contain both\.$": "the bounds contain the states of both cases.",
+    "the evidence of `uniqueness` tells the weights": (
+        "the evidence of `uniqueness` states the weights"
+    ),
+    "Negative weights are not looked for": "Negative weights are excluded",
+    r"the rate (\S+) was asked for": r"decay_rate = \1 is required",
+    "along flow and jumps no part of the state stays unseen: samples of a window determine the "
+    "state, spacings apart at which modes alias": (
+        "the state is observable along flow and jumps: the samples of a window determine it, "
+        "except at spacings at which modes alias"
+    ),
 }
 
 
 def current_statement(statement: str) -> str:
     """A statement in the words of today."""
     for before, now in _OLDER_STATEMENTS.items():
-        statement = statement.replace(before, now)
+        statement = re.sub(before, now, statement)
     return statement
 
 

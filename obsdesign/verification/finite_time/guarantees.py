@@ -79,8 +79,8 @@ def _bounded(problem: Problem, evidence: DesignEvidence, largest_error: list[flo
             "With disturbance and noise inside their bounds, and a full window"
             f"{' without ' + free if free else ''} and no sample missing, the state is at a "
             f"sample this far from the estimate: {sizes}, and state_error times what it was at "
-            "the window's start. The samples do not bound all of that, modes that die within a "
-            "period: the bounds that run are infinite."
+            "the window's start. The samples do not bound modes that decay within one period, so "
+            "that the bounds at run time are infinite."
         )
     else:
         text = (

@@ -67,7 +67,7 @@ def _main_sentence(problem: Problem, low: str, absent: str, onset: tuple[str, st
     place, between = onset
     options, noisy = problem.options_as(ImpulsiveInputOptions), has_noise(problem.plant.output)
     if (options.weighting or ("gls" if noisy else "plain")) == "gls":
-        signs = "Negative weights are not looked for. " if options.nonnegative else ""
+        signs = "Negative weights are excluded. " if options.nonnegative else ""
         return (
             f"Without noise and {absent}, and up to what is left of the initial error, the record "
             f"of a window that holds one impulse{place} determines its time and weight{between}. "
@@ -84,7 +84,7 @@ def _main_sentence(problem: Problem, low: str, absent: str, onset: tuple[str, st
         threshold = (
             f", each{least} with features that first exceed the threshold{value} "
             f"at an age within the margin and the window (smaller "
-            "ones are missed, larger ones evaluated too early: the evidence of `uniqueness` tells "
+            "ones are missed, larger ones evaluated too early: the evidence of `uniqueness` states "
             "the weights)"
         )
     return (

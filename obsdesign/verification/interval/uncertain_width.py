@@ -171,5 +171,5 @@ def _width_sentence(evidence: Entries, plant: Plant) -> str:
     ]
     return (
         f"Asymptotically the width of the bounds is at most {', '.join(parts)}{_inputs(plant)}. "
-        f"While {name} may have happened or not, the bounds contain both."
+        f"While {name} may have happened or not, the bounds contain the states of both cases."
     )

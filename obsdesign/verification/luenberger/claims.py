@@ -111,7 +111,7 @@ def _flow_claims(
     """Claims of an error without jumps; shifted: F + rate I."""
     yield _with_tails(_hurwitz(F, "hurwitz", "there are no jumps"), F, certificates)
     if rate > 0:
-        claim = _hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate)
+        claim = _hurwitz(shifted, "decay_rate", f"decay_rate = {rate!r} is required", rate)
         yield _with_tails(claim, shifted, certificates)
 
 

@@ -134,13 +134,13 @@ def uncertain_warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str
     if INSTABILITY in listed:
         reason = listed[INSTABILITY].evidence["witness"]["reason"]
         sentences.append(
-            "The plant by itself does not tend to zero for all its parameters, nor need the "
-            f"estimation error then: {reason}."
+            "The plant by itself is not stable for all its parameters, so that the estimation "
+            f"error need not tend to zero: {reason}."
         )
     elif ROBUST not in listed:
         sentences.append(
-            "It is not proved that the plant by itself tends to zero for all its parameters, on "
-            "which it depends whether the estimation error does."
+            "The plant by itself is not proved stable for all its parameters; where it is not, the "
+            "estimation error need not tend to zero."
         )
     if ERROR_BOUND not in listed:
         sentences.append(f"No bound of the estimation error is claimed: {_missing(problem)}.")

@@ -169,8 +169,8 @@ def _dwell(problem: Problem) -> Dwell:
 def _at_any_spacing(gains: SetMembershipGains) -> Claim:
     return Claim.from_verdict(
         "observable_window",
-        "along flow and jumps no part of the state stays unseen: samples of a window determine "
-        "the state, spacings apart at which modes alias",
+        "the state is observable along flow and jumps: the samples of a window determine it, "
+        "except at spacings at which modes alias",
         "observability",
         proved(states=gains.n, method="exact"),
     )
