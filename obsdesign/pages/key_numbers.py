@@ -51,10 +51,13 @@ _WIDER = 1.001
 def state_table(rows: Sequence[Entries]) -> list[list[str]]:
     """Numbers of each state as text, the titles first; `StateWidths` has what they mean.
 
-    Columns that no state has a number for are left out, and so are states beyond twelve.
+    Columns that no state has a number for are left out, and so are states beyond twelve. Widths
+    that are guaranteed for one pattern of samples and jumps alone are titled with it.
     """
     shown = {key: title for key, title in _COLUMNS.items()
              if any(row.get(key) is not None for row in rows)}  # fmt: skip
+    if "width" in shown and (pattern := rows[0].get("pattern")):
+        shown["width"] += f"\nwith {pattern}".replace(" and ", "\nand ")
     is_of_widths = any(row[key] is not None for row in rows for key in ("strip", "width"))
     table = [["width of" if is_of_widths else "error of", *shown.values(), ""]]
     for row in rows[:_MOST_STATES]:

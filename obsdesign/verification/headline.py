@@ -90,7 +90,12 @@ def _spacing(problem: Problem, proved: _Proved) -> str:
     if "width" in proved and problem.kind == "set_membership":
         from obsdesign.analysis.set_membership.requirements import pattern_of  # of this kind alone
 
-        return f"widths with {pattern_of(problem.plant)}"
+        pattern = pattern_of(problem.plant)
+        return (
+            ""
+            if isinstance(pattern, str)
+            else (f"widths with {pattern.described(problem.names.time_unit)}")
+        )
     if "width" in proved and "sampled_width" not in proved and problem.kind == "interval":
         at_jumps = problem.plant.output.measured == "at_jumps"
         return "widths with y measured " + ("at every jump" if at_jumps else "continuously")

@@ -18,7 +18,9 @@ class StateWidths:
 
     strip: what one sample alone leaves open, where an output is this state alone; width: certified;
     typical: mean width, or |error|, over the default simulation; best: no observer can guarantee
-    less; ratio: of width and best; error: certified bound of |error|.
+    less; ratio: of width and best; error: certified bound of |error|; pattern: the only times of
+    samples and jumps that width and best are about, None where they are about all that the plant
+    allows.
     """
 
     name: str
@@ -29,6 +31,7 @@ class StateWidths:
     best: float | None = None
     ratio: float | None = None
     error: float | None = None
+    pattern: str | None = None
 
 
 def sensor_strips(output: Output) -> list[float | None]:

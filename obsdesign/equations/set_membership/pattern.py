@@ -60,12 +60,16 @@ class Pattern:
         return min(sum(step.sampled for step in one) for one in self.windows(count))
 
     def __str__(self) -> str:
-        steps = self.cycle
+        return self.described("")
+
+    def described(self, unit: str) -> str:
+        """The pattern in words, its times in a unit: "a jump every 0.2 s"; "" for none."""
+        steps, last = self.cycle, f" {unit}" if unit else ""
         rows, period = len(self.ends), steps[0].h
         if not steps[-1].jump:
-            return f"a sample every {period:.9g}"
-        between = f"a jump every {rows * period:.9g}"
-        return f"a sample every {period:.9g} and {between}" if rows > 1 else between
+            return f"a sample every {period:.9g}{last}"
+        between = f"a jump every {rows * period:.9g}{last}"
+        return f"a sample every {period:.9g}{last} and {between}" if rows > 1 else between
 
 
 def nominal_pattern(gains: SetMembershipGains) -> Pattern | str:

@@ -83,8 +83,10 @@ def states(problem: Problem, claims: tuple[Claim, ...]) -> tuple[StateWidths, ..
     labels, strips = state_labels(problem), sensor_strips(problem.plant.outputs)
     if any("C" in parameter.effects for parameter in problem.plant.parameters):
         strips = [None] * n  # how much a sample leaves open depends on x
+    pattern = pattern_of(problem.plant) if "width" in proved else ""
+    times = None if isinstance(pattern, str) else pattern.described(problem.names.time_unit)
     return tuple(
-        StateWidths(*labels[i], strip, width[i], best=best[i], ratio=ratio[i])
+        StateWidths(*labels[i], strip, width[i], best=best[i], ratio=ratio[i], pattern=times)
         for i, strip in enumerate(strips)
     )
 
