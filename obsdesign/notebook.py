@@ -25,6 +25,7 @@ from obsdesign.data.simulation.stated_rows import StatedRows
 from obsdesign.data.tally import Tally
 from obsdesign.design_file import load_design
 from obsdesign.document import Design
+from obsdesign.entries import shown
 from obsdesign.errors import InputError
 from obsdesign.html_table import html_table
 from obsdesign.kinds import KINDS
@@ -240,6 +241,7 @@ def run(
     with temporary_folder() as folder:
         path, signed = _design_file(design, folder)
         source, out = _data_file(data, folder), str(Path(folder, "estimates.csv"))
+        initial = _stated_start(initial)
         events = str(Path(folder, "events.csv")) if signed.kind == "impulsive_input" else None
         tally = execute(path, source, out, initial, events, titles=rename, skip_bad=skip_bad)
         titles = all_titles(Problem.from_dict(signed.problem).names.columns, rename)
@@ -253,6 +255,7 @@ def compare(
     rename: Mapping[str, str] = OWN_TITLES,
 ) -> Comparison:  # fmt: skip
     """All observers that a plant admits on a data file or a simulation, beside a Kalman filter."""
+    initial = _stated_start(initial)
     if data is None:
         rng = np.random.default_rng(seed)
         record = ComparisonRecord.from_simulation(problem.plant, rng=rng)
@@ -319,7 +322,25 @@ def report(
     """Prove a design again and write its page; nothing is written where a claim is refuted."""
     with temporary_folder() as folder:
         path, _ = _design_file(design, folder)
-        return write_report(path, output, DataSource(data, initial, rename), beside)
+        source = DataSource(data, _stated_start(initial), rename)
+        return write_report(path, output, source, beside)
+
+
+def _stated_start(initial: Sequence[float] | None) -> Sequence[float] | None:
+    """The numbers of `initial`; InputError unless they are a list of numbers."""
+    if initial is None:
+        return None
+    try:
+        numbers = np.asarray(initial, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.zeros((0, 0))
+    if numbers.ndim != 1:
+        raise InputError(
+            "initial must be a list of numbers: x1, ..., xn, or x1_lo, x1_hi, ... for bounds; "
+            f"got {shown(initial)}."
+        )
+    stated: list[float] = numbers.tolist()
+    return stated
 
 
 def _design_file(design: Design | str, folder: str) -> tuple[str, Design]:

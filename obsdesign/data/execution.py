@@ -87,7 +87,7 @@ def execute(
     ended = replace(parts.progress, left_out=left_out.counts, in_force=left_out.in_force,
                     first=left_out.first)  # fmt: skip
     _save(state, signed, ended, arrivals)
-    signs = [*_void(name, tally), *scale.remarks(name)]
+    signs = [*_void(name, tally, begins=stored is None), *scale.remarks(name)]
     for text in [*_unproved(design, signed), *remarks, *signs]:
         remark(text)
     return tally
@@ -222,15 +222,24 @@ def _unproved(path: str, design: Design) -> list[str]:
     return [f"{path}: {names} not proved: what rests on them is not guaranteed."]
 
 
-def _void(name: str, tally: Tally) -> list[str]:
-    """A remark if the data refute the bounds on most of the rows."""
+def _void(name: str, tally: Tally, *, begins: bool) -> list[str]:
+    """A remark if the data refute the bounds on most of the rows; begins: is it a new record?"""
     void = tally.rows_with(VOID)
     if not void > _MOSTLY_VOID * tally.rows:
         return []
-    return [
-        f"{name}: the bounds are void on {void} of {tally.rows} rows. Is it the data of "
-        "another plant?"
-    ]
+    first = tally.kinds[VOID].first
+    if begins and void == tally.rows - 1:
+        cause = (
+            f"the first row, t = {tally.start:.9g}, contradicts --initial, which holds there, "
+            "before its sample and jump."
+        )
+    else:
+        cause = (
+            f"a row contradicts all before it, the last before t = {first:.9g}. Is its sample an "
+            "outlier (leave the cell empty), are rows missing before it, or is it the data of "
+            "another plant?"
+        )
+    return [f"{name}: the bounds are void on {void} of {tally.rows} rows: {cause}"]
 
 
 def _refuse_targets(

@@ -47,7 +47,8 @@ class Layout:
         if t < previous or (t == previous and not may_repeat):
             raise InputError(
                 f"{where}: t must increase; got {t!r} after {previous!r}. "
-                "Are the rows sorted, without repeats?"
+                "Are the rows sorted, without repeats? Rows that arrive late are taken with "
+                "report_delay of their event or sensor."
             )
         if self.dt is not None:
             with naming(where):

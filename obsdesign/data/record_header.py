@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
-from obsdesign.column_names import MODE, RECEIVED, numbered
+from obsdesign.column_names import MODE, RECEIVED, TRUTH, numbered
 from obsdesign.data.arrivals import Remark
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.data.clock_columns import ClockColumns
@@ -19,6 +20,9 @@ from obsdesign.data.plain_rows import NO_JUMP, PlainRows
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.clocks.time_stamps import time_tolerance
+
+# columns of simulations, which observers do not read
+_OF_TRUTH = re.compile(rf"[{''.join(TRUTH)}]\d+")
 
 
 @dataclass(frozen=True)
@@ -141,6 +145,8 @@ def _places(header: list[str], written: list[str], layout: Layout, name: str) ->
                 hint = " Columns are separated by commas."
             elif title.lower() in [name.lower() for name in header]:
                 hint = " Names of columns are in small letters."
+            elif slips := _unknown_columns(layout, required):
+                hint = f" --rename names a column {slips[0]!r}, which the plant's data do not have."
             known = " or ".join(map(repr, [title, *others]))
             raise InputError(f"{name}: column {known} is required; the header has {titles}.{hint}")
     for title in dict.fromkeys((*required, *layout.optional)):
@@ -150,6 +156,12 @@ def _places(header: list[str], written: list[str], layout: Layout, name: str) ->
             )
     optional = [title for title in layout.optional if title in header]
     return {title: header.index(title) for title in (*required, *optional)}
+
+
+def _unknown_columns(layout: Layout, required: Sequence[str]) -> list[str]:
+    """What titles are to stand for, and is neither a column of the plant nor of the truth."""
+    known = {*required, *layout.optional}
+    return [x for x in layout.titles.values() if x not in known and not _OF_TRUTH.fullmatch(x)]
 
 
 def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str) -> Sample:

@@ -36,14 +36,19 @@ class KindCount:
 
 @dataclass
 class Tally:
-    """Numbers of rows of a run; kinds: of reasons, whose number does not grow with the record."""
+    """Numbers of rows of a run; kinds: of reasons, whose number does not grow with the record.
+
+    start: time of the first row, NaN before it.
+    """
 
     rows: int = 0
     good: int = 0
     kinds: dict[str, KindCount] = field(default_factory=dict)
+    start: float = math.nan
 
     def add(self, t: float, status: str) -> None:
         """Count a row at time t."""
+        self.start = t if self.rows == 0 else self.start
         self.rows += 1
         if status == OK:
             self.good += 1
@@ -53,6 +58,7 @@ class Tally:
 
     def add_rows(self, batch: Batch) -> None:
         """Count the rows of a batch."""
+        self.start = float(batch.t[0]) if self.rows == 0 else self.start
         if (good := batch.status.count(OK)) == len(batch.status):
             self.rows, self.good = self.rows + good, self.good + good
             return

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from statistics import median
+
+import numpy as np
 
 from lmi.arithmetic.arrays import Entries
 from obsdesign.data.records import Block
@@ -20,12 +22,21 @@ class TimeScale:
     """Times between rows and between jumps of a record, beside those that the problem states."""
 
     def __init__(self, problem: Entries) -> None:
-        """problem: as a design stores it; plants with named clocks are not judged."""
+        """problem: as a design stores it; of named sensors those that are read every so often."""
         jump, output = problem.get("jump", {}), problem.get("output", {})
         stated = {"output.period": output.get("period"), "jump.dwell_time": jump.get("dwell_time")}
-        self._expected: Mapping[str, tuple[float, float]] = {
+        self._expected: dict[str, tuple[float, float]] = {
             entry: _ends(value) for entry, value in stated.items() if value is not None
         }
+        self._columns: dict[str, slice] = {}
+        first = 0
+        for sensor in problem.get("sensor", ()):
+            entry, last = f"sensor.{sensor['name']}.every", first + len(sensor["C"])
+            every = sensor.get("every")
+            if every is not None and not isinstance(every, str):
+                self._expected[entry] = _ends(every)
+                self._columns[entry] = slice(first, last)
+            first = last
         self._intervals: dict[str, list[float]] = {entry: [] for entry in self._expected}
         self._last: dict[str, float] = {}
 
@@ -38,6 +49,8 @@ class TimeScale:
                 rows, jumps = [block.t], [block.t] if block.jump else []
             self._note("output.period", rows)
             self._note("jump.dwell_time", jumps)
+            for entry, columns in self._columns.items():
+                self._note(entry, _read_at(block, columns))
             yield block
 
     def remarks(self, name: str) -> list[str]:
@@ -47,7 +60,9 @@ class TimeScale:
                 continue
             typical, (low, high) = median(intervals), self._expected[entry]
             if typical > _FAR * high or typical * _FAR < low:
-                between = "rows" if entry == "output.period" else "jumps"
+                between = "jumps" if entry == "jump.dwell_time" else "rows"
+                if entry in self._columns:
+                    between = f"samples of {entry.split('.')[1]}"
                 stated = f"{low:g}" if low == high else f"[{low:g}, {high:g}]"
                 return [
                     f"{name}: {between} are {typical:g} apart and {entry} is {stated}. Are the "
@@ -65,6 +80,15 @@ class TimeScale:
             if entry in self._last and t > self._last[entry]:
                 intervals.append(t - self._last[entry])
             self._last[entry] = t
+
+
+def _read_at(block: Block, columns: slice) -> list[float]:
+    """Times of the rows with a sample in these columns of y."""
+    if block.y is None:
+        return []
+    y = np.atleast_2d(np.asarray(block.y, dtype=np.float64))[:, columns]
+    times: list[float] = np.atleast_1d(block.t)[np.isfinite(y).any(axis=1)].tolist()
+    return times
 
 
 def _ends(value: object) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from obsdesign.cli.commands import cli
 from obsdesign.errors import InputError
+from obsdesign.notebook import run
 from tests.systems.designs import designed
 
 PROBLEM: dict[str, Any] = {
@@ -98,3 +99,66 @@ def test_a_kind_that_is_nearly_right(tmp_path: Path) -> None:
     near, far = (str(ran("design", str(path), "--kind", k).exception) for k in ("luenburger", "x"))
     assert near.endswith("got 'luenburger'. Did you mean 'luenberger'?")
     assert far.endswith("got 'x'.")
+
+
+SENSOR: dict[str, Any] = {
+    "flow": {"A": [[-1.0]], "disturbance": {"lower": [-0.1], "upper": [0.1]}},
+    "sensor": [
+        {"name": "level", "C": [[1.0]], "noise_bound": 0.1, "every": 0.5, "losses": 2},
+    ],
+    "observer": {"kind": "interval"},
+}
+
+
+@pytest.fixture(scope="module")
+def of_sensor(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("sensor") / "s.json"
+    designed(SENSOR).save(path)
+    return str(path)
+
+
+def sensed(folder: Path, *lines: str) -> str:
+    path = folder / "sensed.csv"
+    path.write_text("\n".join(["t,level", *lines]) + "\n")
+    return str(path)
+
+
+@pytest.mark.parametrize(("factor", "is_remarked"), [(1, False), (3, False), (60, True)])
+def test_samples_of_a_sensor_in_another_unit_of_time(
+    of_sensor: str, tmp_path: Path, factor: float, is_remarked: bool
+) -> None:
+    rows = [f"{0.5 * k * factor},0.0" for k in range(12)]
+    done = ran("run", of_sensor, sensed(tmp_path, *rows), "--initial=-1,1")
+    words = "samples of level are 30 apart and sensor.level.every is 0.5. Are the time stamps"
+    assert (words in done.stderr) is is_remarked
+
+
+@pytest.mark.parametrize(("first", "spike"), [("9.0", "0.0"), ("0.0", "9.0")])
+def test_void_bounds_name_what_happened(
+    of_sensor: str, tmp_path: Path, first: str, spike: str
+) -> None:
+    """The first sample against --initial, or a later one against all before it."""
+    rows = [f"2.5,{first}", f"3,{spike}", *(f"{3.5 + 0.5 * k},0.0" for k in range(8))]
+    done = ran("run", of_sensor, sensed(tmp_path, *rows), "--initial=-1,1")
+    is_first = first != "0.0"
+    assert ("the first row, t = 2.5, contradicts --initial" in done.stderr) is is_first
+    later = "the last before t = 3.5. Is its sample an outlier (leave the cell empty)"
+    assert (later in done.stderr) is not is_first
+
+
+def test_late_rows_and_a_slip_in_rename(of_sensor: str, tmp_path: Path) -> None:
+    done = ran("run", of_sensor, sensed(tmp_path, "0,0", "1,0", "0.5,0"), "--initial=-1,1")
+    assert "Rows that arrive late are taken with report_delay" in str(done.exception)
+    path = tmp_path / "named.csv"
+    path.write_text("t,temp\n0,0\n")
+    words = ("run", of_sensor, str(path), "--initial=-1,1", "--rename")
+    done = ran(*words, "temp=lvel")
+    assert "--rename names a column 'lvel'" in str(done.exception)
+    assert ran(*words, "temp=level").exception is None
+
+
+@pytest.mark.parametrize("initial", [[[-1.0], [1.0]], {"level": 1.0}, ["a", "b"], 3.0])
+def test_initial_that_is_no_list_of_numbers(of_sensor: str, initial: Any) -> None:
+    with pytest.raises(InputError, match="initial must be a list of numbers"):
+        run(of_sensor, {"t": [0.0], "level": [0.0]}, initial=initial)
+    assert run(of_sensor, {"t": [0.0], "level": [0.0]}, initial=[-1.0, 1.0]).status == ["ok"]

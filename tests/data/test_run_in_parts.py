@@ -316,7 +316,7 @@ def test_bounds_that_are_void_on_most_rows(desk: Path, bad: int, warned: bool) -
     done = ran("run", "d.json", "other.csv", *START, "-o", "e.csv")
     void = sum("void" in line for line in (desk / "e.csv").read_text().splitlines())
     assert (void > len(LINES) / 2) is warned
-    expected = f"obsdesign: other.csv: the bounds are void on {void} of {len(LINES)} rows."
+    expected = f"obsdesign: other.csv: the bounds are void on {void} of {len(LINES)} rows:"
     assert done.stderr.startswith(expected) is warned
     assert done.return_value == 0
     strict = ran("run", "d.json", "other.csv", *START, "-o", "e.csv", "--strict")
