@@ -29,6 +29,13 @@ _FIRST = (
     r"observer\.gains\b.*",
 )  # fmt: skip
 _MOST_FIRST = 6
+# entries in words, those that hold times, and the bound of the noise of each output
+_WORDS = {
+    "jump.dwell_time[0]": "shortest dwell time", "jump.dwell_time[1]": "longest dwell time",
+    "output.period": "sampling period",
+}  # fmt: skip
+_TIMES = r"\.(dwell_time|period|every|report_delay|time_error|jitter)\b"
+_NOISE = r"output\.noise_bound\[(\d+)\](.*)"
 
 
 @dataclass(frozen=True)
@@ -68,15 +75,19 @@ def first_settings(settings: Mapping[str, Setting]) -> list[str]:
 
 
 def labels_of(problem: Problem, keys: Iterable[str]) -> dict[str, str]:
-    """How entries are called on the page: tables of a list by their names."""
+    """How entries are called on the page, with units: tables of a list by their names."""
     body, labels = problem.to_dict(), {}
     for key in keys:
-        table = re.match(r"(\w+)\[(\d+)\]", key)
-        if table is None:
-            labels[key] = key
-        else:
+        table, label = re.match(r"(\w+)\[(\d+)\]", key), _WORDS.get(key, key)
+        unit = problem.names.time_unit if re.search(_TIMES, key) else None
+        if table is not None:
             name = body[table[1]][int(table[2])]["name"]
-            labels[key] = f"{table[1]}.{name}{key[table.end() :]}"
+            label = f"{table[1]}.{name}{key[table.end() :]}"
+        elif bound := re.fullmatch(_NOISE, key):
+            output = f"y{int(bound[1]) + 1}"
+            label = f"noise bound of {problem.names.name_of(output)}{bound[2]}"
+            unit = problem.names.unit(output)
+        labels[key] = f"{label} [{unit}]" if unit else label
     return labels
 
 

@@ -45,6 +45,25 @@ def test_tables_are_called_by_their_names() -> None:
     }
 
 
+def test_labels_are_in_words_with_units() -> None:
+    body = load_problem("examples/degue_4_2.toml").to_dict()
+    outputs = len(body["output"]["C"])
+    names = [f"meter {i}" for i in range(outputs)]
+    body["output"]["noise_bound"] = [0.1] * outputs
+    body["names"] = {"outputs": names, "units": {names[0]: "m"}, "time_unit": "s"}
+    keys = ["jump.dwell_time[0]", "output.noise_bound[0]", "flow.A[0][0]"]
+    labels = labels_of(Problem.from_dict(body), keys)
+    assert list(labels.values()) == [
+        "shortest dwell time [s]",
+        "noise bound of meter 0 [m]",
+        keys[2],
+    ]
+    # the twin: without units and names
+    del body["names"]
+    labels = labels_of(Problem.from_dict(body), keys)
+    assert list(labels.values()) == ["shortest dwell time", "noise bound of y1", keys[2]]
+
+
 def test_whole_numbers_have_whole_stops() -> None:
     body = load_problem("examples/degue_4_2.toml").for_kind("set_membership")[0].to_dict()
     body["observer"]["window"] = 8
