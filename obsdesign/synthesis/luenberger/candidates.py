@@ -45,7 +45,7 @@ from obsdesign.synthesis.luenberger.gain_candidates import with_jump_gain
 from obsdesign.synthesis.luenberger.parameters import uncertain_candidates
 from obsdesign.synthesis.luenberger.schedule import check_schedule
 from obsdesign.synthesis.luenberger.searched_gains import (
-    gain_searches,
+    gain_search,
     is_L_limited,
     searched_candidates,
 )
@@ -79,12 +79,12 @@ def synthesize_constrained(
             raise InputError(reason)
         own, box = nominal_problem(problem), known_box(problem)
         candidates = synthesize_constrained(own, constraints, budget)
-        searches = [] if box is None else gain_searches(problem, own, box, constraints)
-        if searches:
+        search = None if box is None else gain_search(problem, own, box, constraints)
+        if search is not None:
             in_time = budget.part(_SEARCHING)
-            candidates = searched_candidates(own, searches, candidates, in_time)
-        count = len(searches) if is_L_limited(problem, own) else None
-        yield from uncertain_candidates(problem, candidates, box, budget, count)
+            candidates = searched_candidates(own, search, candidates, in_time)
+        is_limited = is_L_limited(problem, own)
+        yield from uncertain_candidates(problem, candidates, box, budget, is_L_limited=is_limited)
         return
     refuse_unusable(problem)
     check_schedule(problem)

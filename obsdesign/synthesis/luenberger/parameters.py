@@ -25,9 +25,8 @@ from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.luenberger.error_bound import bound_certificates
 from obsdesign.synthesis.state_box import KnownBox
 
-# candidates whose bounds are compared, and those of each further search of gains: the others are
-# tried where none of these is proved
-_COMPARED, _OF_SEARCH = 5, 3
+# candidates whose bounds are compared: the others are tried where none of these is proved
+_COMPARED = 5
 # part of the time left that proofs for one of them take: `verify` takes as long, and others follow
 _SHARE = 0.5
 _NO_LIMIT = (
@@ -50,17 +49,16 @@ def uncertain_candidates(
     candidates: Iterator[Candidate],
     box: KnownBox | None,
     budget: TimeBudget,
-    searches: int | None,
+    *,
+    is_L_limited: bool,
 ) -> Iterator[Candidate]:
     """The candidates of the nominal problem, with certificates about the uncertain plant.
 
-    In a box the first few are compared by their proved bounds, in units of the box. searches: of
-    gains, whose candidates come first; None where nothing limits L: the fastest would always win.
+    In a box the first few are compared by their proved bounds, in units of the box, but where
+    nothing limits L: the fastest would always win.
     """
     plant = _stability(problem, budget)
-    is_L_limited = searches is not None
     is_compared = box is not None and is_L_limited
-    compared = _COMPARED + _OF_SEARCH * max((searches or 0) - 1, 0)
     open_choice = () if box is None or is_L_limited else (Remark(_NO_LIMIT),)
     for place, candidate in enumerate(candidates):
         in_time = budget.part(_SHARE)
@@ -73,7 +71,7 @@ def uncertain_candidates(
             candidate,
             gains=gains,
             cost=cost,
-            goes_on=is_compared and candidate.searched and place < compared - 1,
+            goes_on=is_compared and candidate.searched and place < _COMPARED - 1,
             solvers=merged(merged(candidate.solvers, plant.solvers), bounds.solvers),
             certificates={**candidate.certificates, **plant.certificates, **bounds.evidence},
             remarks=(*candidate.remarks, *plant.remarks, *open_choice, *ended),

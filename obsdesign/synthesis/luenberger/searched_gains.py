@@ -28,31 +28,27 @@ from obsdesign.synthesis.state_box import KnownBox
 # candidates that a search of gains may start from, and the part of the time left that it takes
 _STARTS, _SHARE = 3, 0.3
 # least noise that searches count with, in parts of the range of y: without any the fastest gain
-# would be the best; and more, since a bound of a fast gain need not be proved
-_LEAST_NOISE, _MORE_NOISE = 2.0**-20, (2.0**-15, 2.0**-10)
+# would be the best
+_LEAST_NOISE = 2.0**-20
 
 
-def gain_searches(
+def gain_search(
     problem: Problem, nominal: Problem, box: KnownBox, constraints: UserConstraints | None
-) -> list[GainSearch]:
-    """Searches of the gains that are open; none where none is, or nothing limits L.
+) -> GainSearch | None:
+    """The search of the gains that are open; None where none is, or nothing limits L.
 
-    For the noise that is stated, and for more where it is small. What `constraints` of a user say
-    of gains is known with their P alone.
+    What `constraints` of a user say of gains is known with their P alone.
     """
     if constraints is not None or not is_L_limited(problem, nominal):
-        return []
+        return None
     options = nominal.options_as(LuenbergerOptions)
     free = ["L"] if _is_L_open(nominal) else []
     free += ["M"] if given_gain(nominal, "M") is None else []
-    ends = stability_dwell(problem)
-    driven = DrivenPlant.from_box(problem.plant, nominal.plant, box, ends)
     if not free:
-        return []
-    more = [part for part in _MORE_NOISE if (part * driven.outputs > driven.V).any()]
-    parts = [0.0] if _is_L_held(nominal) else [_LEAST_NOISE, *more]
-    wanted = convex_gains(options, None)
-    return [GainSearch(driven.with_noise(part), wanted, tuple(free)) for part in parts]
+        return None
+    driven = DrivenPlant.from_box(problem.plant, nominal.plant, box, stability_dwell(problem))
+    noise = 0.0 if _is_L_held(nominal) else _LEAST_NOISE
+    return GainSearch(driven.with_noise(noise), convex_gains(options, None), tuple(free))
 
 
 def is_L_limited(problem: Problem, nominal: Problem) -> bool:
@@ -84,29 +80,14 @@ def _is_L_open(problem: Problem) -> bool:
 
 
 def searched_candidates(
-    problem: Problem,
-    searches: list[GainSearch],
-    candidates: Iterator[Candidate],
-    budget: TimeBudget,
+    problem: Problem, search: GainSearch, candidates: Iterator[Candidate], budget: TimeBudget
 ) -> Iterator[Candidate]:
-    """Gains of each search, and what it began with, then the candidates; without parameters.
+    """Gains searched from the best of several, those of the inequality, then the candidates.
 
-    problem: of the nominal plant.
+    problem: of the nominal plant. An M that is open may start at zero too: it contracts less at
+    jumps, and adds no noise there.
     """
     others = list(itertools.islice(candidates, _STARTS))
-    for search in searches:
-        yield from _searched(problem, search, others, budget)
-    yield from others
-    yield from candidates
-
-
-def _searched(
-    problem: Problem, search: GainSearch, others: list[Candidate], budget: TimeBudget
-) -> Iterator[Candidate]:
-    """Gains searched from the best of several candidates, and those of the inequality.
-
-    An M that is open may start at zero too: it contracts less at jumps, and adds no noise there.
-    """
     peak = list(_peak_candidates(problem, search, budget))
     first = [*peak, *others]
     starts = [each.gains for each in first if isinstance(each.gains, LuenbergerGains)]
@@ -123,6 +104,8 @@ def _searched(
         yield replace(candidate, searched=True, solvers=solvers,
                       remarks=(*remarks, *candidate.remarks))  # fmt: skip
     yield from peak
+    yield from others
+    yield from candidates
 
 
 def _peak_candidates(

@@ -18,7 +18,7 @@ from obsdesign.synthesis.luenberger import peak_gains
 from obsdesign.synthesis.luenberger.driven_plant import GainPair
 from obsdesign.synthesis.luenberger.error_bound import known_box
 from obsdesign.synthesis.luenberger.peak_gains import GainSearch
-from obsdesign.synthesis.luenberger.searched_gains import gain_searches
+from obsdesign.synthesis.luenberger.searched_gains import gain_search
 from obsdesign.workflow import Outcome, investigate
 from tests.systems.designs import designed
 from tests.systems.designs import investigated as outcome
@@ -136,7 +136,9 @@ def first_search(body: Body) -> GainSearch:
     problem = Problem.from_dict(body)
     box = known_box(problem)
     assert box is not None
-    return gain_searches(problem, nominal_problem(problem), box, None)[0]
+    search = gain_search(problem, nominal_problem(problem), box, None)
+    assert search is not None
+    return search
 
 
 def estimate(body: Body, L: Matrix, M: Matrix) -> float:
