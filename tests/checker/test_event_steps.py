@@ -535,11 +535,11 @@ def test_inputs_count_in_widths() -> None:
         check.prove_stability(plant, evidence)
 
 
-def test_ages_of_samples_grow_from_mark_to_mark() -> None:
-    """An event each tenth, and a sample somewhere in each second: all ages up to 1 at the events."""
-    system = maps_of([event("a", WIDENS, (0.1, 0.1))], [sensor("s", 0)])
+@pytest.mark.parametrize(("every", "cells", "count"), [((0.1, 0.1), 1, 10), ((0, 0.01), 2, 2)])
+def test_ages_of_samples_grow_from_mark_to_mark(every: Any, cells: int, count: int) -> None:
+    """Events in quick succession, a sample somewhere in each second: all ages up to 1 at them."""
+    system = maps_of([event("a", WIDENS, every)], [sensor("s", 0)])
     system.design.spacing, system.design.counted = Fraction(0), [0]
-    graph = check.Graph(system, check.Marks(system, 1, 1))
-    count = len(graph.cells[0])
-    assert count == 10
+    graph = check.Graph(system, check.Marks(system, cells, 1))
+    assert len(graph.cells[0]) == count
     assert graph.aged == {0: {(0, i) for i in range(count)}}
