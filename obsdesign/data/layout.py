@@ -45,10 +45,10 @@ class Layout:
         """InputError unless a row may follow that of time `previous`, -inf for the first."""
         may_repeat = self.may_repeat or self.dt is not None  # the latter says more of such a row
         if t < previous or (t == previous and not may_repeat):
+            late = " A row that arrives late needs report_delay of its [[event]] or [[sensor]]."
             raise InputError(
                 f"{where}: t must increase; got {t!r} after {previous!r}. "
-                "Are the rows sorted, without repeats? Rows that arrive late are taken with "
-                "report_delay of their event or sensor."
+                f"Are the rows sorted, without repeats?{late if t < previous else ''}"
             )
         if self.dt is not None:
             with naming(where):

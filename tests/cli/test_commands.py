@@ -135,7 +135,8 @@ def refused(desk: Path, *arguments: object, line: str) -> None:
 DATA_FAULTS = {
     "unsorted": (
         "t,y1,jump\n0,1,0\n0.2,1,0\n0.1,1,0\n",
-        "bad.csv line 4: t must increase; got 0.1 after 0.2. Are the rows sorted, without repeats?",
+        "bad.csv line 4: t must increase; got 0.1 after 0.2. Are the rows sorted, without repeats?"
+        " A row that arrives late needs report_delay of its [[event]] or [[sensor]].",
     ),
     "repeated": (
         "t,y1,jump\n0,1,0\n0,1,0\n",

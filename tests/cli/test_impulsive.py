@@ -80,7 +80,7 @@ def test_what_is_refused(changes: dict[str, Any], code: int, line: str, tmp_path
     ("rows", "line"),
     [
         ("0.5,1,1\n0.5,1,1\n", "d.csv line 3: t must increase; got 0.5 after 0.5. Are the rows sorted, without repeats?"),
-        ("0.9,1,1\n0.5,1,1\n", "d.csv line 3: t must increase; got 0.5 after 0.9. Are the rows sorted, without repeats?"),
+        ("0.9,1,1\n0.5,1,1\n", "d.csv line 3: t must increase; got 0.5 after 0.9. Are the rows sorted, without repeats? A row that arrives late needs report_delay of its [[event]] or [[sensor]]."),
     ],
 )  # fmt: skip
 def test_repeated_and_unsorted_impulses(rows: str, line: str, tmp_path: Path) -> None:

@@ -148,7 +148,7 @@ def test_void_bounds_name_what_happened(
 
 def test_late_rows_and_a_slip_in_rename(of_sensor: str, tmp_path: Path) -> None:
     done = ran("run", of_sensor, sensed(tmp_path, "0,0", "1,0", "0.5,0"), "--initial=-1,1")
-    assert "Rows that arrive late are taken with report_delay" in str(done.exception)
+    assert "A row that arrives late needs report_delay" in str(done.exception)
     path = tmp_path / "named.csv"
     path.write_text("t,temp\n0,0\n")
     words = ("run", of_sensor, str(path), "--initial=-1,1", "--rename")

@@ -196,7 +196,7 @@ def test_modes_that_decay_within_a_period_need_not_be_distinguished(method: str)
     assert obsdesign.verify(from_dict(design.to_dict()), paranoid=True).verdict == "proved"
     # what no sample shows has no bound, and the design says so
     sentences = [entry.statement for entry in design.guarantees if entry.given]
-    assert any("the bounds that run are infinite" in text for text in sentences)
+    assert any("the bounds at run time are infinite" in text for text in sentences)
     observer: Any = from_design(design)
     flow = flow_integrals(A, 0.1)[0]
     x, state = np.array([5.0, -3.0, 1.0]), observer.init()
