@@ -1,14 +1,30 @@
-"""Shared fixtures: one proved design, made once per worker."""
+"""Shared fixtures: designs that are made once per worker."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
 import obsdesign
+from obsdesign import workflow
+from tests.systems.shared_outcomes import SharedOutcomes
 
 ROOT = Path(__file__).parent.parent
+OUTCOMES = SharedOutcomes()
+
+
+@pytest.fixture(autouse=True)
+def shared_outcomes(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Equal problems are designed once, but for tests that replace what designs them."""
+    if "monkeypatch" in request.fixturenames:
+        yield
+        return
+    OUTCOMES.begin_test()
+    with patch.object(workflow, "_attempted", OUTCOMES.around(workflow._attempted)):
+        yield
 
 
 @pytest.fixture(scope="session")

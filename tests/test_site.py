@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import chdir
 from pathlib import Path
 
 import nbformat
@@ -92,28 +93,26 @@ def missing_line(said: str, output: str) -> str | None:
 
 
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda p: p.stem)
-def test_every_snippet_of_a_page_runs_in_turn(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_snippet_of_a_page_runs_in_turn(page: Path, tmp_path: Path) -> None:
     if page.stem == "interop":
         for package in ("control", "pandas"):
             pytest.importorskip(package, reason="the extra `interop` is not installed")
     if page.stem == "embedded":
         require("cc")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")  # a page may write there
-    monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}  # later lines of Python know the earlier ones
-    for language, title, text in FENCE.findall(page.read_text("utf-8")):
-        if title:
-            (tmp_path / title).write_text(text)
-        elif language == "console":
-            pairs = steps(text)
-            assert pairs
-            shown = outputs(tmp_path, [line for line, _ in pairs])
-            for (typed, said), output in zip(pairs, shown, strict=True):
-                assert (line := missing_line(said, output)) is None, (typed, line, output)
-        elif language == "python":
-            exec(compile(text, page.name, "exec"), names)
+    with chdir(tmp_path):
+        for language, title, text in FENCE.findall(page.read_text("utf-8")):
+            if title:
+                (tmp_path / title).write_text(text)
+            elif language == "console":
+                pairs = steps(text)
+                assert pairs
+                shown = outputs(tmp_path, [line for line, _ in pairs])
+                for (typed, said), output in zip(pairs, shown, strict=True):
+                    assert (line := missing_line(said, output)) is None, (typed, line, output)
+            elif language == "python":
+                exec(compile(text, page.name, "exec"), names)
     if page.parent == TUTORIALS:  # its picture is the one that it draws
         picture = f"{page.stem}.png"
         assert is_same_picture(tmp_path / picture, TUTORIALS / picture), "out of date"

@@ -107,7 +107,7 @@ def test_every_command_knows_named_clocks_or_refuses_them_in_a_line(
         (["export", path["d.json"], "-o", path["r.mat"]], 0),
         (["report", path["d.json"], "--data", path["a.csv"], start,
           "-o", str(tmp_path / "r.html")], 0),
-        (["sweep", path["p.json"], "--over", "event[0].every[0]=5:6:2",
+        (["sweep", path["p.json"], "--over", "event[0].every[0]=6:6:1",
           "-o", str(tmp_path / "s.jsonl")], 0),
         (["compare", path["p.json"], "--data", path["a.csv"], "--kinds", kind], 0),
         (["check", path["p.json"], "--time", "1"], 0),

@@ -53,7 +53,7 @@ def test_timing_is_judged_as_in_python(name: str, tmp_path: Path) -> None:
     library.start(*initial)
     state, ticks, reasons = observer.start(0.0, np.stack(initial, 1).reshape(-1).tolist()), 0, set()
     timing = library.program.timing
-    for row in random_rows(library, 400):
+    for row in random_rows(library, 150):
         ticks += timing.ticks[row.step - 1] if row.step else 0
         w = row.w if row.jump else None
         sample = Sample(float(ticks * timing.tick), row.y, row.u, w, row.jump)

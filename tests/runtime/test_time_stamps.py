@@ -47,10 +47,10 @@ EPOCH = 1.7e18  # nanoseconds since 1970: one ulp is 256
 def test_bounds_hold_at_every_origin_and_step(origin: float, mode: str) -> None:
     tally = Tally()
     with fifty_digits():
-        for seed in range(8):
+        for seed in range(4):
             bounds_run(seed, origin, 24, tally, mode)
     assert tally.violations == 0
-    assert tally.ok > 300
+    assert tally.ok > 150
 
 
 def test_steps_of_sixteen_ulps_are_no_rest() -> None:

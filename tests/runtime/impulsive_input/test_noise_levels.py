@@ -69,8 +69,8 @@ def test_units_of_outputs_change_no_impulse(noise: str, kind: str) -> None:
     if noise == "none" and kind != "plain":
         return
     for reference, scaled in (
-        ((1.0,), ((2.0**-30,), (1e-9,), (1e9,))),
-        ((1.0, 1.0), ((2.0**-20, 2.0**13), (1e-6, 1e3))),
+        ((1.0,), ((2.0**-30,), (1e9,))),
+        ((1.0, 1.0), ((1e-6, 1e3),)),
     ):
         first = estimates(noise, reference, **OPTIONS[kind])
         events = events_of(first)

@@ -133,7 +133,7 @@ def violation(outcome: Any, x: Any) -> float:
 
 
 @pytest.mark.parametrize("mode", MODES)
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_signals_inside_bounds_of_their_rows_stay_inside(mode: str, seed: int) -> None:
     observer, samples, start = case(mode, seed)
@@ -143,7 +143,7 @@ def test_signals_inside_bounds_of_their_rows_stay_inside(mode: str, seed: int) -
 @pytest.mark.parametrize("mode", MODES)
 def test_narrower_bounds_never_widen(mode: str) -> None:
     narrower = 0
-    for seed in range(4):
+    for seed in range(2):
         observer, samples, start = case(mode, seed)
         lower, upper, _ = run(observer, samples.samples, start)
         low, high, _ = run(observer, samples.without_bounds(), start)
@@ -151,7 +151,7 @@ def test_narrower_bounds_never_widen(mode: str) -> None:
         assert np.all(low - slack <= lower)
         assert np.all(upper <= high + slack)
         narrower += np.sum(upper - lower < 0.999 * (high - low))
-    assert narrower > 50
+    assert narrower > 25
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -86,7 +86,7 @@ def is_wider(boxes_with_less: Matrix, boxes_with_more: Matrix) -> bool:
     return bool((boxes_with_less <= boxes_with_more + slack).all())
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("disturbance", ["extreme", "random"])
 @pytest.mark.parametrize(("body", "gains"), [(DOSES, None), (SPRING, None), (SPRING, GAINS)])
 def test_the_state_never_leaves(

@@ -107,7 +107,7 @@ def test_reach_is_above_the_integral_and_settles(t: float) -> None:
     assert (bound[:, 0] <= 12 * np.array(least) + 1e-2).all()
 
 
-@pytest.mark.parametrize("kick", [1e5, 1e7, 1e9])
+@pytest.mark.parametrize("kick", [1e5, 1e9])
 @pytest.mark.parametrize("seen", ["before", "after", "none"])
 def test_the_certified_width_holds_where_jumps_make_a_state_uselessly_wide(
     kick: float, seen: str
