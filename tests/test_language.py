@@ -76,9 +76,9 @@ def test_names_are_nouns_of_the_field(folder: str) -> None:
     wrong = [
         f"{file}:{line} {name}"
         for file, tree in trees(folder)
+        for loops in [in_comprehensions(tree)]
         for line, name in names(tree)
-        if name in BANNED
-        or (name in BANNED_OUTSIDE_COMPREHENSIONS and (line, name) not in in_comprehensions(tree))
+        if name in BANNED or (name in BANNED_OUTSIDE_COMPREHENSIONS and (line, name) not in loops)
     ]
     assert wrong == []
 

@@ -147,10 +147,28 @@ class Graph:
 
 @dataclass(frozen=True)
 class Grid:
-    """A passage at the times of a grid: u = flows @ start + pushes; (k, n, n), (k, n)."""
+    """A passage at the times of a grid: u = maps @ [start; 1], (k, n, n + 1)."""
 
-    flows: Matrix
-    pushes: Matrix
+    maps: Matrix
+
+    @property
+    def flows(self) -> Matrix:
+        """What start is multiplied by, (k, n, n)."""
+        return self.maps[:, :, :-1]
+
+    @property
+    def pushes(self) -> Matrix:
+        """What is added, (k, n)."""
+        return self.maps[:, :, -1]
+
+    def largest(self, starts: Matrix) -> Matrix:
+        """The largest u of each start over the times, entry by entry; (s, n) each."""
+        count, n, _ = self.maps.shape
+        columns = np.vstack([starts.T, np.ones(len(starts))])
+        # one product: a stack of small ones takes several times as long
+        values = self.maps.reshape(-1, n + 1) @ columns
+        largest: Matrix = values.reshape(count, n, -1).max(axis=0).T
+        return largest
 
 
 class FloatGraph:
@@ -197,7 +215,7 @@ class FloatGraph:
         Z = np.zeros((n + 1, n + 1))
         Z[:n, :n], Z[:n, n] = W, f
         whole = expm(Z * np.linspace(low, high, count)[:, None, None])
-        return Grid(whole[:, :n, :n], whole[:, :n, n])
+        return Grid(np.ascontiguousarray(whole[:, :n]))
 
     def image(self, v: Matrix) -> Matrix:
         """What all nodes make of v, (nodes, n)."""
@@ -220,8 +238,7 @@ class Values:
             for key, places in floats.groups.items():
                 starts = np.array([self.start(floats.passages[k]) for k in places])
                 if key[1] > 0.0:
-                    grid = floats.grid(key)
-                    starts = (grid.flows @ starts.T + grid.pushes[:, :, None]).max(axis=0).T
+                    starts = floats.grid(key).largest(starts)
                 self.largest[places] = starts
         self.largest[floats.unbounded | np.isnan(self.largest)] = np.inf
         self.bounds: Matrix = np.maximum.reduceat(self.largest, floats.of_strategy[:-1])

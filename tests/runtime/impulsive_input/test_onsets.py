@@ -123,9 +123,7 @@ def test_a_dwell_time_is_not_short_by_what_samples_do_not_show() -> None:
     ("noise", "seed"),
     [
         ({"noise_cv": [0.0012, 0.0043]}, 0),
-        ({"noise_cv": [0.0012, 0.0043]}, 2),
         ({"noise_std": [2e-4, 7e-4]}, 1),
-        ({"noise_std": [2e-3, 7e-3]}, 1),
     ],
 )
 def test_onsets_of_two_cells_that_leave_the_same_both_count(
