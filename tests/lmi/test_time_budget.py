@@ -157,12 +157,15 @@ def test_a_bracket_says_what_ended_it() -> None:
 
 
 def test_a_slow_machine_comes_to_the_same_bracket(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock, brackets = time.process_time, []
+    clock, brackets, ends = time.process_time, [], []
+    F, H = (exact(X) for X in SAMPLED)
     for slow in (1.0, 10.0):  # the twin runs on a clock that is ten times as fast
         monkeypatch.setattr(time, "process_time", lambda slow=slow: slow * clock())
-        brackets.append(dwell_bracket(*SAMPLED, "shortest", 1.0, accuracy=1e-2))
-    assert brackets[0].ended == {"ended_by": "windows", "limit": 100}
+        brackets.append(dwell_bracket(*SAMPLED, "shortest", 1.0, accuracy=0.5))
+        ends.append(find_windows(F, H, 0.212, 1.0, effort=Effort(windows=10)).verdict)
+    assert ended_part(ends[0].evidence) == {"ended_by": "windows", "limit": 10}
     assert brackets[0] == brackets[1]
+    assert ends[0] == ends[1]
 
 
 def test_a_part_of_a_budget_ends_earlier() -> None:

@@ -233,7 +233,7 @@ def test_in_noise_slow_exponents_help_and_weighting_helps_more(output: Any) -> N
     names = ("first", "second", "gls", "state", "kalman")
     rms: dict[str, list[float]] = {name: [] for name in names}
     late = []
-    for seed in range(2):
+    for seed in range(1):
         y = x @ C.T + np.random.default_rng(900 + seed).normal(0, 10**0.5, (len(t), 1))
         for name, exponents, options in (
             ("first", FIRST, {"weighting": "plain"}),

@@ -173,7 +173,7 @@ def cascade(n: int, period: float = 0.02, dwell: float = 6.0, **observer: Any) -
 
 
 @pytest.mark.parametrize(
-    ("n", "operator"), [(6, {}), (6, {"operator": "samples"}), (10, {"operator": "samples"})]
+    ("n", "operator"), [(6, {"operator": "samples"}), (10, {"operator": "samples"})]
 )
 def test_a_window_that_is_open_grows_until_it_shows_the_state(n: int, operator: Body) -> None:
     design = obsdesign.design(obsdesign.Problem.from_dict(cascade(n, **operator)))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from lmi.decide.dwell_search import dwell_bracket
 from lmi.decide.stability import decide
 from lmi.verdict import Verdict
 from tests.systems.pairs import SAMPLED
@@ -50,11 +49,3 @@ def test_a_slightly_smaller_jump_is_not_refuted() -> None:
     """The twin: growth per jump is 1.0004 at most here, and 0.99 of it decays."""
     F, H = (np.asarray(X, dtype=float) for X in SAMPLED)
     assert decide(F, 0.99 * H, LOW, HIGH).outcome != "refuted"
-
-
-def test_the_bracket_is_as_tight_as_windows_and_words_allow() -> None:
-    bracket = dwell_bracket(*SAMPLED, "shortest", HIGH)
-    assert bracket.verdict == "refuted"
-    assert bracket.not_proved > 0.2105
-    assert bracket.proved is not None
-    assert bracket.proved < 0.2155

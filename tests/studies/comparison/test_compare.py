@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,14 @@ from click.testing import CliRunner
 
 import obsdesign
 from lmi.memory import OversizeError
+from lmi.time_budget import TimeBudget
+from obsdesign import workflow
 from obsdesign.cli.commands import cli
 from obsdesign.data.execution import execute
 from obsdesign.kinds import GIVING_BOUNDS, KINDS
 from obsdesign.runtime import from_design
 from obsdesign.studies.comparison import compare as comparison
-from obsdesign.studies.comparison.compare import compare
+from obsdesign.studies.comparison.compare import compare, compare_with_kalman
 from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import REFERENCE, run
 
@@ -29,18 +31,20 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 
 @pytest.fixture(scope="module", autouse=True)
 def _designed_once() -> Iterator[None]:
-    """The designs of a problem are the same on every record: each is made once here."""
-    made: dict[str, Any] = {}
-    own = comparison._designs
+    """The design of a problem is the same on every record: each is made once here."""
+    made: dict[str, workflow.Outcome] = {}
+    own = workflow.investigate_each
 
-    def designs(problem: obsdesign.Problem, kinds: Sequence[str], seconds: float | None) -> Any:
-        key = json.dumps([problem.to_dict(), list(kinds), seconds])
-        if key not in made:
-            made[key] = own(problem, kinds, seconds)
-        return made[key]
+    def each(
+        problems: dict[Any, obsdesign.Problem], budget: TimeBudget, **options: Any
+    ) -> dict[Any, workflow.Outcome]:
+        texts = {key: json.dumps(problem.to_dict()) for key, problem in problems.items()}
+        new = {text: problems[key] for key, text in texts.items() if text not in made}
+        made.update(own(new, budget, **options))
+        return {key: made[text] for key, text in texts.items()}
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(comparison, "_designs", designs)
+        patch.setattr(workflow, "investigate_each", each)
         yield
 
 
@@ -51,7 +55,7 @@ def load(name: str) -> obsdesign.Problem:
 def test_every_kind_is_answered_and_the_filter_comes_last() -> None:
     problem = load("degue_4_1")
     record = ComparisonRecord.from_simulation(
-        problem.plant, until=12.0, rng=np.random.default_rng(3)
+        problem.plant, until=6.0, rng=np.random.default_rng(3)
     )
     rows = list(compare(problem, record))
     assert {row.kind for row in rows} == {*KINDS, REFERENCE}
@@ -76,7 +80,7 @@ def test_a_row_guarantees_what_its_design_guarantees_and_nothing_else(name: str)
     record = ComparisonRecord.from_simulation(problem.plant, rng=np.random.default_rng(3))
     design = obsdesign.design(problem)
     given = [one.statement for one in design.guarantees if one.given]
-    rows = list(compare(problem, record))
+    rows = list(compare(problem, record, kinds=("set_membership", "luenberger", problem.kind)))
     assert given[0] in [row.guarantee for row in rows if row.kind == problem.kind]
     assert all(bool(row.guarantee) == (row.verdict == "proved") for row in rows)
 
@@ -124,7 +128,7 @@ def test_a_kind_that_is_too_large_is_one_row(monkeypatch: pytest.MonkeyPatch) ->
         return own(design, *given)
 
     monkeypatch.setattr(comparison, "run", run)
-    rows = list(compare(problem, record))
+    rows = list(compare(problem, record, kinds=("interval", "luenberger")))
     large = [row for row in rows if row.kind == "luenberger"]
     assert [(row.reason, row.seconds) for row in large] == [(text, None)]
     assert any(row.kind == "interval" and row.seconds is not None for row in rows)
@@ -161,12 +165,8 @@ def test_infinite_bounds_leave_an_estimate() -> None:
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
-        rows = [
-            row
-            for row in compare(problem, record, kinds=("finite_time",))
-            if row.kind == "finite_time"
-        ]
-    ran = [row for row in rows if row.seconds is not None]
+        rows = compare_with_kalman([obsdesign.design(problem)], record)
+    ran = [row for row in rows if row.kind == "finite_time"]
     assert ran
     assert all(row.width is None for row in ran)
     assert all(row.error is not None and row.error < 0.2 for row in ran)
@@ -177,9 +177,11 @@ def test_unknown_inputs_and_methods_are_compared() -> None:
     body["output"]["noise_std"] = [0.01, 0.01]
     problem = obsdesign.Problem.from_dict(body)
     record = ComparisonRecord.from_simulation(
-        problem.plant, until=6.0, rng=np.random.default_rng(0)
+        problem.plant, until=4.0, rng=np.random.default_rng(0)
     )
-    rows = {(row.kind, row.variant): row for row in compare(problem, record)}
+    rows = {
+        (row.kind, row.variant): row for row in compare(problem, record, kinds=("unknown_input",))
+    }
     mine = {variant for kind, variant in rows if kind == "unknown_input"}
     assert mine == {"cell", "damped", "batch", "fixed_lag"}
     assert all(rows["unknown_input", variant].input_error is not None for variant in mine)
@@ -191,11 +193,13 @@ def test_unknown_inputs_and_methods_are_compared() -> None:
 def test_a_file_gives_what_its_simulation_gave(tmp_path: Path) -> None:
     runner, data = CliRunner(), tmp_path / "data.csv"
     source = str(EXAMPLES / "degue_4_1.toml")
-    base = ["simulate", source, "--until", "8", "--seed", "5", "-o", str(data)]
+    base = ["simulate", source, "--until", "4", "--seed", "5", "-o", str(data)]
     assert runner.invoke(cli, base, standalone_mode=False).return_value == 0
-    answers = []
-    for how in (["--data", str(data)], ["--simulate", "--until", "8", "--seed", "5"]):
-        done = runner.invoke(cli, ["compare", source, "--json", *how], standalone_mode=False)
+    answers, kinds = [], ["--kinds", "interval,luenberger"]
+    for how in (["--data", str(data)], ["--simulate", "--until", "4", "--seed", "5"]):
+        done = runner.invoke(
+            cli, ["compare", source, "--json", *kinds, *how], standalone_mode=False
+        )
         assert done.return_value == 0, done.exception
         answers.append(json.loads(done.stdout))
     for one, other in zip(*(answer["result"]["rows"] for answer in answers), strict=True):
@@ -205,7 +209,7 @@ def test_a_file_gives_what_its_simulation_gave(tmp_path: Path) -> None:
     text = "\n".join(line.rsplit(",", 2)[0] for line in data.read_text().splitlines())
     assert text.startswith("t,y1,jump\n")
     data.write_text(text + "\n")
-    done = runner.invoke(cli, ["compare", source, "--json", "--data", str(data)])
+    done = runner.invoke(cli, ["compare", source, "--json", *kinds, "--data", str(data)])
     rows = json.loads(done.stdout)["result"]["rows"]
     assert all(row["error"] is None for row in rows)
     assert any(row["width"] is not None for row in rows)
@@ -214,7 +218,7 @@ def test_a_file_gives_what_its_simulation_gave(tmp_path: Path) -> None:
 @pytest.mark.parametrize("columns", ["b", "c", "v", "bcv"])
 def test_bounds_of_rows_are_used_as_run_uses_them(tmp_path: Path, columns: str) -> None:
     problem, data = load("degue_4_1"), tmp_path / "data.csv"
-    quiet = ["--until", "8", "--seed", "5", "--disturbance", "zero", "-o", str(data)]
+    quiet = ["--until", "4", "--seed", "5", "--disturbance", "zero", "-o", str(data)]
     source = str(EXAMPLES / "degue_4_1.toml")
     assert CliRunner().invoke(cli, ["simulate", source, *quiet]).exit_code == 0
     declared = {"b": (0.1, 2), "c": (0.3, 2), "v": (0.03, 1)}
@@ -273,7 +277,7 @@ def test_bad_requests(arguments: list[str], line: str) -> None:
 def test_the_kinds_of_a_comparison_are_those_stated() -> None:
     """In the order of the table, each with the numbers it has alone; nothing else is designed."""
     problem, kinds = load("degue_4_1"), ["luenberger", "set_membership", "impulsive"]
-    record = ComparisonRecord.from_simulation(problem.plant, until=4.0)
+    record = ComparisonRecord.from_simulation(problem.plant, until=2.0)
     rows = list(compare(problem, record, kinds=kinds))
     assert [row.kind for row in rows] == ["set_membership", "luenberger", "impulsive", REFERENCE]
     for kind in kinds:
@@ -283,7 +287,7 @@ def test_the_kinds_of_a_comparison_are_those_stated() -> None:
         ]
     done = CliRunner().invoke(
         cli,
-        ["compare", str(EXAMPLES / "degue_4_1.toml"), "--until", "4", "--json",
+        ["compare", str(EXAMPLES / "degue_4_1.toml"), "--until", "2", "--json",
          "--kinds", "impulsive, luenberger"],
         standalone_mode=False,
     )  # fmt: skip
@@ -302,7 +306,7 @@ def test_a_name_that_is_no_kind_is_refused() -> None:
 
 def test_the_table_names_what_runs_and_why_the_rest_does_not() -> None:
     done = CliRunner().invoke(
-        cli, ["compare", str(EXAMPLES / "degue_4_1.toml"), "--until", "4"], standalone_mode=False
+        cli, ["compare", str(EXAMPLES / "degue_4_1.toml"), "--until", "2"], standalone_mode=False
     )
     assert done.return_value == 0
     text = " ".join(done.output.split())

@@ -73,7 +73,7 @@ def test_a_point_that_kills_workers_is_told(tmp_path: Path, monkeypatch: Any) ->
     monkeypatch.setattr("obsdesign.studies.sweep.workers.evaluate", dies)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as few,
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as few,
     ):
         address = few.scheduler_address
         assert run_sweep(sweep_plan, str(tmp_path / "s.jsonl"), scheduler=address) == expected

@@ -183,9 +183,9 @@ def test_a_dead_process_loses_nothing(tmp_path: Path, monkeypatch: Any) -> None:
 
 
 def test_a_point_that_kills_its_process_is_told(tmp_path: Path, monkeypatch: Any) -> None:
-    sweep_plan = plan(DWELL, name="no/such/folder/flag")
+    sweep_plan = plan("jump.dwell_time[1]=0.1:1:3", name="no/such/folder/flag")
     expected = [evaluate(sweep_plan, index) for index in range(len(sweep_plan))]
-    expected[1] = SweepPoint(1, (0.25,), error=DIED)
+    expected[1] = SweepPoint(1, (0.55,), error=DIED)
     monkeypatch.setattr(workers, "evaluate", dies)
     assert run_sweep(sweep_plan, str(tmp_path / "s.jsonl"), jobs=2) == expected
 

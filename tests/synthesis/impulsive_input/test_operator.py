@@ -283,8 +283,7 @@ def test_the_promise_is_relative_to_the_whole_output() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"H": [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]}, {"weighting": "plain"}, {"margin": 0.5},
-     {"state_correction": False}],
+    [{"H": [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]}, {"weighting": "plain"}],
     ids=str,
 )  # fmt: skip
 def test_an_operator_that_nobody_chose_is_not_named_alone(changes: dict[str, Any]) -> None:

@@ -117,8 +117,8 @@ def test_jump_gains_are_chosen_for_the_bound() -> None:
     result = outcome(sampled_at_jumps())
     assert result.design is not None
     assert np.any(result.design.gains["M"])
-    # of the largest margin of stability, as without parameters; another; none
-    for M in ((1.0, 1.0), (0.8, 0.5), (0.0, 0.0)):
+    # of the largest margin of stability, as without parameters; another
+    for M in ((1.0, 1.0), (0.8, 0.5)):
         given = outcome(sampled_at_jumps(gains={"M": [[value] for value in M]}))
         assert cost(result) < 1.02 * cost(given)
 
@@ -194,11 +194,10 @@ THREE_STATES: Body = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("units", [(8.0, 8.0), (2.0**-10, 2.0**10)])
-def test_units_of_outputs_do_not_change_the_gains(units: tuple[float, float]) -> None:
+def test_units_of_outputs_do_not_change_the_gains() -> None:
     own = designed(THREE_STATES).gains["L"]
     C, V = np.array([[0, 0, -1.0], [0, 2.0, 0]]), np.array([0.01, 0.05])
-    scale = np.array(units)
+    scale = np.array([2.0**-10, 2.0**10])
     output = {"C": (C * scale[:, None]).tolist(), "noise_bound": (V * scale).tolist()}
     other = designed(THREE_STATES | {"output": output}).gains["L"]
     assert other * scale == pytest.approx(own, rel=1e-4, abs=1e-6 * np.abs(own).max())
@@ -240,13 +239,12 @@ def turned(noise: float = 0.01, **observer: Any) -> Body:
 @pytest.mark.parametrize(
     ("plant", "norms"),
     [
-        (kicked_often, {"M": 0.5}),
-        (turned, {"M": 0.5}),
+        (sampled_at_jumps, {"M": 0.5}),
         (constrained, {"L": 40.0}),
         (sensed, {"L": 2.0}),
         (sensed_twice, {"L": 20.0}),
     ],
-    ids=["kicked", "turned", "without jumps", "sensed", "sensed twice"],
+    ids=["at jumps", "without jumps", "sensed", "sensed twice"],
 )
 def test_no_constraint_gives_a_smaller_bound(plant: Any, norms: dict[str, float]) -> None:
     """What a constraint admits is open without it too."""
@@ -267,7 +265,7 @@ def quiet(noise: float = 0.01, **observer: Any) -> Body:
 
 @pytest.mark.parametrize(
     ("plant", "levels"),
-    [(kicked_with_one_gain, (0.0, 0.01)), (quiet, (0.0, 1e-8, 1e-3, 0.01)), (sensed, (0.0, 0.01))],
+    [(quiet, (0.0, 1e-8, 0.01)), (sensed, (0.0, 0.01))],
 )
 def test_less_noise_gives_no_larger_bound(plant: Any, levels: tuple[float, ...]) -> None:
     """Without any noise too, where the fastest gain that is proved would be the best."""
@@ -291,7 +289,7 @@ def test_a_gain_that_leaves_a_singular_map_at_jumps_has_a_bound() -> None:
     assert cost(outcome(kicked_often(gains=gains))) == pytest.approx(cost(near), rel=0.01)
 
 
-@pytest.mark.parametrize(("seconds", "most"), [(None, 12), (0.2, 4)])
+@pytest.mark.parametrize(("seconds", "most"), [(None, 12), (0.04, 4)])
 def test_time_ends_the_line_of_rates(
     seconds: float | None, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -299,7 +297,7 @@ def test_time_ends_the_line_of_rates(
     rates = set()
 
     def slow_gain(system: DisturbedOutput, rate: float) -> PeakGain | None:
-        end = time.process_time() + 0.1
+        end = time.process_time() + 0.02
         while time.process_time() < end:
             rates.add(rate)
         return peak_gain(system, rate)
@@ -311,10 +309,10 @@ def test_time_ends_the_line_of_rates(
 
 
 def test_a_search_of_gains_leaves_time_for_the_proofs() -> None:
-    """Two seconds of processor time, a tenth of what the search takes without a limit."""
+    """Half a second of processor time, a tenth of what the search takes without a limit."""
     start = time.process_time()
-    result = investigate(Problem.from_dict(turned()), seconds=2.0)
-    assert time.process_time() - start < 4.0
+    result = investigate(Problem.from_dict(turned()), seconds=0.5)
+    assert time.process_time() - start < 2.0
     verdicts = {claim.id: claim.verdict for claim in result.claims}
     assert verdicts["dwell_stability"] == verdicts["error_bound"] == "proved"
     assert any("gains for the least bound" in text for text in result.result["remarks"])

