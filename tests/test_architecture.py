@@ -24,7 +24,6 @@ def parsed(path: Path) -> ast.Module:
 
 
 @functools.cache
-@functools.cache
 def imported(path: Path) -> set[str]:
     """Absolute names imported anywhere in a file, inside functions too."""
     names: set[str] = set()

@@ -15,16 +15,24 @@ from lmi.arithmetic.balls import precision
 from lmi.decide.dwell_search import dwell_bracket
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.modes import SwitchedGains
 from obsdesign.verification.finite_time.theorem_1 import Norms
+from tests.lmi.decide import test_uncertain_stability as uncertain_stability
+from tests.lmi.prove import test_chords as chords
 from tests.long.check_agrees import disagreements
+from tests.papers import test_medina as medina
 from tests.studies.check import test_which_kinds as which_kinds
 from tests.studies.search import test_period as period
 from tests.synthesis.impulsive_input import test_operator as operator
 from tests.synthesis.luenberger import test_gain_search as gain_search
+from tests.systems.designs import investigated
 from tests.systems.event_widths import doses, oral_doses
+from tests.systems.mode_paths import largest_widths
 from tests.systems.pairs import SAMPLED
 from tests.systems.parameters import spring
 from tests.verification import test_choices as choices
+from tests.verification import test_mode_events as mode_events
 from tests.verification import test_parameter_laws as laws
 from tests.verification.interval import test_event_claims as event_claims
 from tests.verification.interval import test_gain_constraints as constraints
@@ -144,6 +152,41 @@ def test_an_operator_that_nobody_chose_is_not_named_alone(changes: dict[str, Any
 
 def test_a_window_that_is_open_grows_until_it_shows_the_state() -> None:
     choices.test_a_window_that_is_open_grows_until_it_shows_the_state(6, {})
+
+
+def test_a_state_that_no_window_showed_is_undecided() -> None:
+    assert choices.verdict(choices.cascade(10, operator="integral")) == "undecided"
+
+
+def test_three_states_two_events_and_stays_without_end_are_proved() -> None:
+    outcome = investigated(mode_events.LASTING)
+    assert outcome.verdict == "proved"
+    assert outcome.design is not None
+    gains = SwitchedGains.from_document(outcome.design.gains, IntervalGains)
+    evidence = mode_events.claim_of(outcome, "mode_width").evidence
+    largest = largest_widths(gains, 300, np.random.default_rng(0))
+    for (where, mode), width in largest.items():
+        assert (width < evidence[where][gains.names.index(mode)]).all()
+    assert mode_events.lower_tube(outcome) == "undecided"
+
+
+@pytest.mark.parametrize("seed", range(6, 20))
+def test_random_bases_have_the_same_verdicts_and_are_dead_beat(seed: int) -> None:
+    medina.test_random_bases_have_the_same_verdicts_and_are_dead_beat(seed)
+
+
+@pytest.mark.parametrize("seed", [*range(6, 24), 105, 639])
+def test_random_stiff_families_are_proved_and_their_twins_are_not(seed: int) -> None:
+    chords.test_random_stiff_families_are_proved_and_their_twins_are_not(seed)
+
+
+@pytest.mark.parametrize(
+    ("radius", "proved", "refuted"), [(0.1, 1.5513, 1.5713), (0.2, 1.4172, 1.4372)]
+)
+def test_sampled_control_with_pole_and_gain_that_vary(
+    radius: float, proved: float, refuted: float
+) -> None:
+    uncertain_stability.test_sampled_control_with_pole_and_gain_that_vary(radius, proved, refuted)
 
 
 @pytest.mark.parametrize("change", [laws._permuted, laws._mirrored, laws._split])

@@ -146,7 +146,7 @@ def test_the_printed_gains() -> None:
             assert L[3, 0] == 0.0
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_random_bases_have_the_same_verdicts_and_are_dead_beat(seed: int) -> None:
     A, G, C = rebased(SPLINE, seed)
     refused = obsdesign.investigate(impulsive_problem((A, G, C), [0.1, 0.8], strategy="full"))

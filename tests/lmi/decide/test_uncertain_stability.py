@@ -47,7 +47,7 @@ def test_stiffness_that_is_constant(radius: float) -> None:
 
 @pytest.mark.parametrize(
     ("radius", "proved", "refuted"),
-    [(0.05, 1.6295, 1.6495), (0.1, 1.5513, 1.5713), (0.2, 1.4172, 1.4372), (0.5, 1.1267, 1.1467)],
+    [(0.05, 1.6295, 1.6495), (0.5, 1.1267, 1.1467)],
 )
 def test_sampled_control_with_pole_and_gain_that_vary(
     radius: float, proved: float, refuted: float

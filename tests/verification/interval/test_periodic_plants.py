@@ -41,8 +41,8 @@ def test_a_double_integrator_with_jumps(objective: str) -> None:
 def test_unstable_plants_are_rarely_undecided() -> None:
     """The first of `tests.long.periodic_plants`; of 260 plants of three seeds, ten are undecided."""
     rng = np.random.default_rng(7)
-    verdicts = [obsdesign.investigate(random_problem(rng)).verdict for _ in range(20)]
-    assert verdicts.count("proved") >= 18
+    verdicts = [obsdesign.investigate(random_problem(rng)).verdict for _ in range(10)]
+    assert verdicts.count("proved") >= 9
 
 
 @pytest.mark.parametrize("when", ["before", "after", "none"])
