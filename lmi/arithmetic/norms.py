@@ -8,6 +8,8 @@ Inverses of I - M for nonnegative M, where they are nonnegative: small gains, in
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
@@ -25,9 +27,13 @@ from lmi.verdict import Verdict, proved, refuted, undecided
 
 
 def upper_balls(values: Exact) -> Exact:
-    """Upper bounds of the moduli of an array of balls, as exact balls in its shape."""
+    """Upper bounds of the moduli of an array of balls, as exact balls in its shape.
+
+    Infinite for a ball that is not a number: so the least of several bounds is one of the others.
+    """
     uppers = [value.abs_upper() for value in values.ravel()]
-    return np.array(uppers, dtype=object).reshape(values.shape)
+    bounds = [upper if upper >= 0 else scalar(math.inf) for upper in uppers]
+    return np.array(bounds, dtype=object).reshape(values.shape)
 
 
 def least_balls(first: Exact, other: Exact) -> Exact:

@@ -7,8 +7,8 @@ its sign with each half period tau = pi / b, up to a remainder D of other modes,
     q = e^(-a tau),   D = (e^(F tau) + q) X,
     int_0^inf |e^(Fs) X| <= (int_0^tau |e^(Fs) X| + int_0^inf |e^(Fs) D|) / (1 - q)
 
-for any q < 1: a geometric series, which is exact however small the damping is. Integrals of D, and
-of real modes, are bounded in moduli.
+for any 0 <= q < 1: a geometric series, which is exact however small the damping is. Integrals of
+D, and of real modes, are bounded in moduli.
 """
 
 from __future__ import annotations

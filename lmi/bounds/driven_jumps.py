@@ -108,7 +108,8 @@ def driven_bounds(
     """(before, always): bounds of |e| just before jumps, and at any time; (n,) floats.
 
     before (n,) exact, around: what is known just before jumps; None where nothing is.
-    None where balls grow too wide.
+    None where balls grow too wide, where nothing is known before jumps, and where decay is not
+    proved and dwell times have no end.
     """
     if before is None and around is None:
         return None
@@ -190,7 +191,7 @@ def _reached(steps: Sequence[_Stretch], r: Exact, radius: Ball | None) -> Exact:
 
 
 def _row_norms(X: Exact) -> list[Ball]:
-    return [sum((x * x for x in row), scalar(0)).sqrt() for row in X]
+    return [sum((x * x for x in row), scalar(0)).abs_upper().sqrt() for row in X]
 
 
 def _row_sums(X: Exact) -> Exact:

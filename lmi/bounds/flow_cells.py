@@ -203,7 +203,7 @@ class Course:
         return self.steps[exponent]
 
     def _step(self, exponent: int, left: Rational | None, used: int) -> _Step:
-        """That of an exponent, longer where cells are few, no longer than what is left."""
+        """That of an exponent, longer once many are used, no longer than what is left."""
         step = self._steps_of(exponent)
         if left is None:
             return step

@@ -61,9 +61,7 @@ def peak_gains(F: Exact, B: Exact, C: Exact) -> tuple[Matrix, Matrix] | None:
 
 
 def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Matrix | None:
-    """sqrt(b' P b / (2 rate)) for every c and b; None unless F + rate I is proved Hurwitz."""
-    if not (np.isfinite(rate) and rate > 0):
-        return None
+    """sqrt(b' P b / (2 rate)) for every c and b; None where `decaying_integrals` is."""
     bound = decaying_integrals(F, C, rate)
     if bound is None:
         return None
@@ -74,8 +72,10 @@ def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Matrix | None:
 def decaying_integrals(F: Exact, C: Exact, rate: float) -> Callable[[Balls], Exact] | None:
     """B -> upper bounds in balls of the integrals of |C e^(Fs) B|, (rows of C, columns of B).
 
-    rate > 0: the a of the inequality. None unless F + rate I is proved Hurwitz.
+    rate: the a of the inequality. None unless it is positive and F + rate I proved Hurwitz.
     """
+    if not (np.isfinite(rate) and rate > 0):  # an estimate may have any sign near the limit
+        return None
     shifted = F + exact(rate * np.eye(len(F)))
     if prove_hurwitz(shifted).outcome != "proved":
         return None

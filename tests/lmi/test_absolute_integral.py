@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from lmi.arithmetic.balls import exact
+from lmi.arithmetic.balls import exact, inverse, rational, to_float
 from lmi.bounds.absolute_integral import absolute_integrals
-from lmi.bounds.peak_gain import peak_gains
+from lmi.bounds.peak_gain import decaying_integrals, peak_gains
 
 
 def quadrature(F: np.ndarray, E: np.ndarray) -> np.ndarray:
@@ -230,3 +233,35 @@ def test_a_state_that_nothing_drives_must_decay_too() -> None:
     assert absolute_integrals(exact(F), exact([[1.0], [0.0]])) == pytest.approx(
         np.array([[1.0], [0.0]])
     )
+
+
+def exchange(seed: int, leak: Fraction) -> np.ndarray:
+    """Compartments that exchange what they hold, one of which loses it: symmetric, exact."""
+    rng = np.random.default_rng(seed)
+    rates = np.triu(rng.integers(1, 9, (3, 3)), 1)
+    flow = exact((rates + rates.T).astype(float))
+    flow -= np.diag(flow.sum(axis=1))
+    flow[0, 0] -= rational(leak)
+    return flow
+
+
+@pytest.mark.parametrize("power", [10, 40, 52, 58, 60, 63, 70])
+def test_a_decay_below_the_rounding_of_its_estimate(power: int) -> None:
+    """Integrals are -F^-1 E, exactly; an estimate of the slowest rate may have any sign."""
+    for seed in range(4):
+        F = exchange(seed, Fraction(1, 2**power))
+        E = exact(np.eye(3)[:, :1])
+        back = inverse(F)
+        assert back is not None
+        bound = absolute_integrals(F, E)
+        assert bound is not None
+        truth = to_float(-back @ E)
+        assert (bound >= truth).all()
+        assert (bound <= 1.01 * truth).all()
+
+
+@pytest.mark.parametrize("rate", [0.0, -1e-3, math.nan, math.inf])
+def test_squares_need_a_rate_of_decay(rate: float) -> None:
+    F, C = exact(-np.eye(2)), exact(np.eye(2))
+    assert decaying_integrals(F, C, rate) is None
+    assert decaying_integrals(F, C, 0.5) is not None
