@@ -309,10 +309,10 @@ def test_time_ends_the_line_of_rates(
 
 
 def test_a_search_of_gains_leaves_time_for_the_proofs() -> None:
-    """Half a second of processor time, a tenth of what the search takes without a limit."""
+    """Two seconds of processor time, a tenth of what the search takes without a limit."""
     start = time.process_time()
-    result = investigate(Problem.from_dict(turned()), seconds=0.5)
-    assert time.process_time() - start < 2.0
+    result = investigate(Problem.from_dict(turned()), seconds=2.0)
+    assert time.process_time() - start < 4.0
     verdicts = {claim.id: claim.verdict for claim in result.claims}
     assert verdicts["dwell_stability"] == verdicts["error_bound"] == "proved"
     assert any("gains for the least bound" in text for text in result.result["remarks"])
