@@ -161,7 +161,11 @@ class Design:
 
         InputError where it cannot be written.
         """
-        write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False))
+        write_text(path, self.to_json())
+
+    def to_json(self) -> str:
+        """The text of the document as `save` writes it."""
+        return json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def _without_nan(value: object) -> object:

@@ -99,6 +99,7 @@ def test_every_snippet_of_a_page_runs_in_turn(page: Path, tmp_path: Path) -> Non
             pytest.importorskip(package, reason="the extra `interop` is not installed")
     if page.stem == "embedded":
         require("cc")
+        pytest.importorskip("fmpy", reason="the extra `fmu` is not installed")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")  # a page may write there
     names: dict[str, object] = {}  # later lines of Python know the earlier ones
     with chdir(tmp_path):

@@ -12,8 +12,6 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.export.program import Product, Program
 
-_LARGEST = {np.float64: np.finfo(np.float64).max, np.float32: np.finfo(np.float32).max}
-
 
 class Row(NamedTuple):
     """A sample of a target: step, its place among the lengths, 0 for none; y: None if missing."""
@@ -168,7 +166,7 @@ class Execution:
 
     def _largest(self, product: Product, out: Matrix) -> tuple[Matrix, Matrix]:
         n2 = self.program.sizes.ends
-        if not out[product.rooms] <= _LARGEST[self._dtype]:
+        if not out[product.rooms] <= self.program.target.largest:
             nothing = np.full(n2, -np.inf, self._dtype)
             return nothing, nothing
         blocks = out[product.rooms + 1 :].reshape(-1, n2)

@@ -17,7 +17,7 @@ from obsdesign.export.manifest import Options, claim_of, manifest_of, options_of
 from obsdesign.export.programs import typed_gains
 from obsdesign.export.record import record_of
 from obsdesign.export.self_test import self_test_words
-from obsdesign.export.source import Export, rendered
+from obsdesign.export.source import rendered
 from obsdesign.input_files import parse_json, read_text
 from obsdesign.output_files import write_text
 
@@ -48,10 +48,9 @@ def write_code(design: Design, folder: str | os.PathLike[str], options: Options)
 
 def _texts(design: Design, options: Options) -> tuple[dict[str, str], Claim]:
     """Texts of all files but the design, by name, and the claim about them."""
-    program, gains = options.program(design), typed_gains(design)
-    names = design.problem.get("names") or {}
-    export = Export(program, design.name, design.digest, options.prefix, names)
-    record = record_of(design, program, gains)
+    export = options.export(design)
+    program = export.program
+    record = record_of(design, program, typed_gains(design))
     manifest = manifest_of(export, record, options, design)
     claim = claim_of(program, manifest)
     manifest["claims"] = [claim.to_dict()]

@@ -35,6 +35,11 @@ class Options:
         """The program of a design."""
         return program_of(design, self.precision, self.steps)
 
+    def export(self, design: Design) -> Export:
+        """The program of a design with its names."""
+        names = design.problem.get("names") or {}
+        return Export(self.program(design), design.name, design.digest, self.prefix, names)
+
 
 def manifest_of(export: Export, record: Record, options: Options, design: Design) -> NewEntries:
     """The entries of the manifest; numbers of operations are those of one row without jump."""

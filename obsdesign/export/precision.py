@@ -48,6 +48,11 @@ class Precision:
         """The smallest normal number."""
         return float(np.finfo(self.dtype).tiny)
 
+    @property
+    def largest(self) -> float:
+        """The largest finite number."""
+        return float(np.finfo(self.dtype).max)
+
     def nearest(self, values: Matrix) -> Matrix:
         """The nearest numbers of the target; subnormal ones are zero."""
         with np.errstate(over="ignore"):
