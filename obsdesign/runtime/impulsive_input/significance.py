@@ -9,6 +9,10 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+
 # |R| at a peak that is evaluated, in deviations of its worst direction, mostly the impulse's own.
 # Whether an impulse counts its fit decides; errors of the plant make lower maxima, and what they
 # hide of weaker impulses a matched filter shows
@@ -26,6 +30,9 @@ _OF_OUTPUT, _OF_IMPULSES = 1e-7, 3e-6
 # operator `samples`: least gain of an impulse in a window of four samples; at a given onset noise
 # makes it in 5 of 1e4, and each doubling of the onsets that noise may choose from adds 2 ln 2
 _LEAST_RATIO, _REFERENCE_SAMPLES = 12.0, 4
+# operator `samples`: deviations that a weight must be worth, its onset unknown; where samples
+# determine onset and weight, the least gain leaves about three
+LEAST_WEIGHT_DEVIATIONS = 2.0
 # what a steady input must leave more than impulses do: what they must be worth against nothing
 LEAST_ADVANTAGE = _LEAST_RATIO
 
@@ -54,3 +61,8 @@ def exact_floor(own: float, added: float) -> float:
 def least_ratio(samples: float) -> float:
     """Least gain of an impulse in a window of so many samples, operator `samples`."""
     return _LEAST_RATIO + 2 * math.log(max(samples / _REFERENCE_SAMPLES, 1.0))
+
+
+def is_weight_significant(weights: Matrix, deviations: Matrix) -> bool:
+    """Whether weights (q,) are known well enough to count, by their deviations (q,)."""
+    return bool((np.abs(weights) > LEAST_WEIGHT_DEVIATIONS * deviations).all())

@@ -17,6 +17,7 @@ from obsdesign.runtime.impulsive_input.event import FAINT, Event
 from obsdesign.runtime.impulsive_input.history import History
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER
+from obsdesign.runtime.impulsive_input.samples.uncertain_state import UNCERTAIN
 from tests.systems.designs import designed
 from tests.systems.impulsive_input import events_of, record, rows_from
 
@@ -69,7 +70,9 @@ def test_times_of_weak_impulses_lie_within_their_deviations(
     plant: Any, weights: Any, dwell: float, window: float
 ) -> None:
     events, count = errors(plant, weights, dwell, window, seed=0)
-    scores = np.array([error / event.t_std for error, event in events if event.status == "ok"])
+    scores = np.array(
+        [error / event.t_std for error, event in events if event.status in ("ok", UNCERTAIN)]
+    )
     assert len(scores) > 0.6 * count
     assert np.sqrt((scores**2).mean()) < 1.2
     assert np.abs(scores).max() < 4
@@ -85,7 +88,8 @@ def test_an_impulse_that_may_have_come_before_all_samples_compared_has_a_doubt()
     assert [event.status for _, event in strong] == ["ok"] * count
     # the twin: longer dwell times leave more samples to compare
     rare, count = errors(STORE, WEAK, 20, 8, seed=0)
-    assert [event.status for _, event in rare] == ["ok"] * count
+    assert len(rare) == count
+    assert {event.status for _, event in rare} <= {"ok", UNCERTAIN}
 
 
 @pytest.mark.parametrize(("deviation", "is_doubted"), [(0.0, False), (0.3, True)])

@@ -43,6 +43,7 @@ from obsdesign.runtime.impulsive_input.samples.onset import Cells, Fit, OnsetMod
 from obsdesign.runtime.impulsive_input.samples.open_rows import OpenRows
 from obsdesign.runtime.impulsive_input.samples.refit import EARLIER, Refit
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady, SteadyInputs
+from obsdesign.runtime.impulsive_input.samples.uncertain_state import UncertainState
 from obsdesign.runtime.impulsive_input.significance import LEAST_ADVANTAGE, least_ratio
 from obsdesign.runtime.status import status_of
 
@@ -67,6 +68,11 @@ class SamplesEngine:
     def open_rows(self) -> OpenRows:
         """How rows come in."""
         return OpenRows(self.gains, self.model)
+
+    @cached_property
+    def uncertain(self) -> UncertainState:
+        """Which rows rest on a weight that is hardly known."""
+        return UncertainState(self.gains)
 
     @property
     def least_ratio(self) -> float:
@@ -155,13 +161,14 @@ class SamplesEngine:
         cut = max(cut, len(live.before) + 1 - _MOST_BEFORE)
         residuals = live.residuals_with(live.before[:cut])
         rows = [self._estimate(live, first.row, first.x, is_open=provisional)]
+        history = self.uncertain.continued(live.history, first.row.t, second)
         return replace(
             live,
             rows=live.rows[1:],
             guess=self.open_rows.guess_after(live),
             cells=live.cells.without_first(),
             before=(*live.before[cut:], first),
-            history=replace(live.history, residuals=residuals),
+            history=replace(history, residuals=residuals),
             steady=live.steady.after(self.model.plant, second.row, second.cost),
         ), rows
 
@@ -183,12 +190,14 @@ class SamplesEngine:
         event = history.judged(
             _event(fit, freedom), self.gains.shortest_dwell, cost=fit.cost, freedom=freedom
         )
-        doubts = [*self._doubts(live, refit), *([] if is_ahead else [STEADY])]
+        doubts = [*self.uncertain.doubts(event), *self._doubts(live, refit)]
+        doubts += [] if is_ahead else [STEADY]
         doubts += ["provisional: the record ends inside its window"] if provisional else []
         event = replace(event, doubts=(*event.doubts, *doubts))
-        history = history.after(event, live.rows[0].row.t, rows[-1].t)
-        live = replace(live, history=history)
         means, last = self.model.collapsed(fit, refit.cells, refit.start, rows)
+        since = live.rows[0].row.t
+        history = self.uncertain.continued(history, since, last).after(event, since, rows[-1].t)
+        live = replace(live, history=history)
         decided = [
             self._estimate(live, at.row, mean, is_open=provisional)
             for at, mean in list(zip(known[first:], means, strict=True))[count - first : -1]
