@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from obsdesign.data.first_row import FirstRow
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.late_rows import Arrival, LateRows, received
@@ -38,7 +39,7 @@ class Arrivals:
     buffer: those that an earlier row may still precede; is_stream: lines come in the order of
     arrival, whatever a column `received` says; remark: called with a sentence for each row that
     comes too late, which is left out; note: with that row and those that wait; watch: called with
-    each arrival, once the first row in time names its mode, one of `modes` (none where the mode is
+    each arrival, once the first row in time states what `first` requires (nothing where that is
     known); is_first: is it the first part of a record? silence_counts: may no row be left out?
     """
 
@@ -49,7 +50,7 @@ class Arrivals:
     is_first: bool = True
     silence_counts: bool = False
     note: Callable[[Sample, Sequence[Sample]], None] | None = None
-    modes: Sequence[str] = ()
+    first: FirstRow = field(default_factory=FirstRow)
 
     def in_order(
         self,
@@ -88,7 +89,7 @@ class Arrivals:
                     self.note(sample, self.waiting)
                 continue
             taken += 1
-            if self.watch is not None and (arrival.samples[0].mode is not None or not self.modes):
+            if self.watch is not None and self.first.has_all(arrival.samples[0]):
                 self.watch(arrival)
             yield from self._final(name)
         yield from self._final(name)  # a row that came too late may have settled others
@@ -100,16 +101,16 @@ class Arrivals:
             )
 
     def _final(self, name: str) -> list[Sample]:
-        """Take out the rows that no other can precede any more; InputError as `require_mode`."""
+        """Take out the rows that no other can precede any more; InputError as `require_first`."""
         if self.buffer.leaving:
-            self.require_mode(name)
-            self.modes = ()
+            self.require_first(name)
+            self.first = FirstRow()
         return self.buffer.settled()
 
-    def require_mode(self, name: str) -> None:
-        """InputError unless the first row in time names its mode, or the mode is known."""
+    def require_first(self, name: str) -> None:
+        """InputError unless the first row in time states what it must."""
         if self.waiting:
-            require_mode(self.waiting[0], self.modes, name)
+            require_first(self.waiting[0], self.first, name)
 
     @property
     def waiting(self) -> Sequence[Sample]:
@@ -117,10 +118,6 @@ class Arrivals:
         return self.buffer.samples
 
 
-def require_mode(sample: Sample, modes: Sequence[str], name: str) -> None:
-    """InputError unless the first row in time names its mode; modes: none where it is known."""
-    if modes and sample.mode is None:
-        raise InputError(
-            f"{name}: mode is required in the first row, that of t = {sample.t:.9g} "
-            f"({', '.join(modes)})."
-        )
+def require_first(sample: Sample, first: FirstRow, name: str) -> None:
+    """InputError unless the first row in time states what it must."""
+    first.require(sample, name, f"the first row, that of t = {sample.t:.9g}")

@@ -154,7 +154,7 @@ class _Record:
             first = next(samples_in([block]))
             progress = starting_progress(self.observer, stored, first, initial)
             return Stream(self.observer, progress), chain([block], blocks)
-        arrivals.require_mode(self.name)
+        arrivals.require_first(self.name)
         if stored is None:
             self.observer.start(arrivals.waiting[0].t, initial)
         return Stream(self.observer, self.progress), iter(())

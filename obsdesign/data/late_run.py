@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from obsdesign.data.arrivals import SILENCE, Arrivals, Remark
 from obsdesign.data.csv_text import estimate_header, estimate_line
+from obsdesign.data.first_row import FirstRow
 from obsdesign.data.layout import Layout
 from obsdesign.data.stream import Stream, refuse_whole_records
 from obsdesign.errors import InputError
@@ -43,7 +44,7 @@ def arrivals_of(
     """The order of rows that may be late, with those that wait since the last part."""
     is_first = stored is None
     stored = Progress(None) if stored is None else stored
-    modes = layout.modes if stored.state is None else ()
+    first = layout.first_row if stored.state is None else FirstRow()
     waiting = [row.sample for row in stored.late]
     buffer = LateRows(
         layout.lag, may_repeat=layout.may_repeat, samples=waiting, now=max(stored.now, stored.t),
@@ -51,7 +52,7 @@ def arrivals_of(
         sees_after=() if layout.clocks is None else layout.clocks.sees_after,
     )  # fmt: skip
     silence_counts = layout.clocks is not None and layout.clocks.silence_counts
-    return Arrivals(buffer, remark, is_stream, watch, is_first, silence_counts, modes=modes)
+    return Arrivals(buffer, remark, is_stream, watch, is_first, silence_counts, first=first)
 
 
 def final_then_provisional(

@@ -10,6 +10,7 @@ from lmi.arithmetic.arrays import Entries
 from obsdesign.column_names import MODE, TIME, data_columns, numbered
 from obsdesign.data.clock_columns import ClockColumns
 from obsdesign.data.csv_lines import all_titles
+from obsdesign.data.first_row import FirstRow
 from obsdesign.document import Design
 from obsdesign.errors import InputError, naming
 from obsdesign.problem.signal_names import names_of
@@ -40,6 +41,11 @@ class Layout:
     modes: tuple[str, ...] = ()
     dt: float | None = None
     titles: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def first_row(self) -> FirstRow:
+        """What the first row of a record must state."""
+        return FirstRow(self.u, self.modes)
 
     def check_time(self, t: float, previous: float, where: str) -> None:
         """InputError unless a row may follow that of time `previous`, -inf for the first."""

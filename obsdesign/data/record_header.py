@@ -87,9 +87,8 @@ class Header:
                 f"got {len(cells)}.{hint}"
             )
         sample = _sample(cells, self.places, self.layout, where)
-        if self.layout.modes and sample.mode is None and is_first and not self.may_be_late:
-            known = ", ".join(self.layout.modes)
-            raise InputError(f"{where}: mode is required in the first row ({known}).")
+        if is_first and not self.may_be_late:
+            self.layout.first_row.require(sample, where)
         if self.bounds is not None and self.bounds.titles:
             sample = sample._replace(bounds=self.bounds.of_row(cells, where))
         if self.layout.clocks is None and not self.layout.jump and "jump" in self.titles:

@@ -16,7 +16,7 @@ from typing import TextIO
 import numpy as np
 
 from obsdesign.column_names import RECEIVED
-from obsdesign.data.arrivals import Arrivals, BadLine, Remark, Skip, require_mode
+from obsdesign.data.arrivals import Arrivals, BadLine, Remark, Skip, require_first
 from obsdesign.data.csv_lines import lines_of
 from obsdesign.data.layout import Layout
 from obsdesign.data.record_header import Header
@@ -92,7 +92,7 @@ def read_blocks(
             if not isinstance(row, Columns))  # fmt: skip
     if arrivals is None:
         samples = sorted((sample for _, sample in rows), key=lambda sample: sample.t)
-        require_mode(samples[0], layout.modes, name)
+        require_first(samples[0], layout.first_row, name)
         yield from samples
     else:
         yield from arrivals.in_order(rows, name, skip, has_received=RECEIVED in header.places)

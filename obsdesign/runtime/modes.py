@@ -17,6 +17,7 @@ from typing import Annotated, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.boxes import image_box
 from obsdesign.equations.clocks import EventGains
 from obsdesign.equations.modes import ModeGains, SwitchedGains
@@ -29,7 +30,16 @@ from obsdesign.runtime.columns import Event
 from obsdesign.runtime.state_marks import Below, Past
 from obsdesign.runtime.status import Reason, with_reasons
 
-Inner = TypeVar("Inner")
+
+class WithInputs(Protocol):
+    """The state of the observer of a mode."""
+
+    @property
+    def u(self) -> Matrix:
+        """Known inputs (m,) since the last row."""
+
+
+Inner = TypeVar("Inner", bound=WithInputs)
 
 
 class ModeObserver(Observer, Protocol):
@@ -124,8 +134,10 @@ class SwitchedObserver(Stepped[SwitchedState[Inner]], Generic[Inner, ModeGains])
             w = self._named.inputs(sample, event)
             y = sample.y if k == measured_at else None
             own = sample._replace(y=y, w=w, jump=True, events=())
+            if k:
+                inner, own = self._at_same_time(inner), own._replace(u=inner.u)
             observer = self._at_events[mode, event, k == measured_at]
-            inner, estimate = observer.step(self._at_same_time(inner) if k else inner, own)
+            inner, estimate = observer.step(inner, own)
             estimates.append(self._with_event_name(estimate, event))
         faults = [one.status for one in estimates if one.status != "ok"]
         events = tuple(event for one in estimates for event in one.events)

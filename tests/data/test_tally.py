@@ -37,12 +37,12 @@ def bad_estimates(name: str, rows: int) -> list[Estimate]:
     modes = [mode.name for mode in plant.modes]
     bounds = "set_membership" in observer.kind or observer.kind == "interval"
     state = observer.start(0.0, [-9.0, 9.0] * plant.n if bounds else None)
-    samples = []
+    samples, u = [], np.zeros(observer.reads["u"])
     for k in range(rows):
         y = None if rng.random() < 0.3 else rng.normal(size=p)
         jump = bool(observer.reads["jump"]) and rng.random() < 0.3
         mode = str(rng.choice(modes)) if modes else None
-        samples.append(Sample(t, y, jump=jump, mode=mode))
+        samples.append(Sample(t, y, u, jump=jump, mode=mode))
         t += float(rng.choice([0.1, 0.25, 1.0])) * float(rng.random())
         if k % 50 == 49:
             t += 30.0

@@ -90,6 +90,19 @@ def test_another_length_makes_everything_void(name: str, tmp_path: Path) -> None
     assert library.step(Row(0, y, u))[1] == 0
 
 
+@pytest.mark.parametrize(
+    "name", ["jumps", "point", "impulses", "unknown", "window", "window_driven"]
+)
+def test_the_first_row_states_the_known_inputs(name: str, tmp_path: Path) -> None:
+    """A first row with a length: u is unknown since the start. Without inputs it is taken."""
+    design, steps = design_named(name)
+    library = Library(tmp_path, design, Options("double", Steps(steps)))
+    n, p, m = library.program.sizes.n, library.program.sizes.p, library.program.sizes.m
+    library.start(*([-np.ones(n), np.ones(n)] if library.program.has_bounds else [np.zeros(n)]))
+    status = library.step(Row(1, np.zeros(p), np.zeros(m)))[1]
+    assert bool(status & STEP) is (name != "window")
+
+
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_measurements_that_contradict_the_bounds(precision: str, tmp_path: Path) -> None:
     design, steps = design_named("jumps")

@@ -154,7 +154,7 @@ def test_tables_of_estimates_one_by_one() -> None:
     observer: Any = from_design(smooth())
     state, estimates = observer.init(t=0.0), []
     for k in range(4):
-        state, estimate = observer.step(state, Sample(k / 10, y=[1.0, 0.5]))
+        state, estimate = observer.step(state, Sample(k / 10, y=[1.0, 0.5], u=[0.0]))
         estimates.append(estimate)
     columns = to_columns(iter(estimates))
     assert list(columns) == ["t", "x1", "x2", "x3", "status"]

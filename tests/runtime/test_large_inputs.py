@@ -177,7 +177,7 @@ def test_an_input_that_is_held_is_beyond_its_bound_in_every_row(kind: str, size:
     state = observer.start(0.0, [0.0, 0.0] if kind == "luenberger" else [-1.0, 1.0, -1.0, 1.0])
     statuses = []
     for k in range(6):
-        sample = Sample(_STEP * k, np.zeros(1), u=[size] if k == 1 else None)
+        sample = Sample(_STEP * k, np.zeros(1), u={0: [0.0], 1: [size]}.get(k))
         state, estimate = observer.step(state, sample)
         statuses.append(estimate.status)
     large = [str(LARGE_U) in status for status in statuses]

@@ -127,7 +127,7 @@ def observer_of(kind: str, start: float) -> tuple[Observer, Any]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_two_rows_of_one_step_are_refused_by_every_kind(kind: str) -> None:
     observer, state = observer_of(kind, 0.0)
-    state, _ = observer.step(state, Sample(0.0, [0.0]))
+    state, _ = observer.step(state, Sample(0.0, [0.0], [0.0]))
     state, _ = observer.step(state, Sample(0.1, [0.0]))
     with pytest.raises(ValueError, match="all samples and events of a step stand in one row"):
         observer.step(state, Sample(float(np.nextafter(0.1, 1.0)), [0.0]))
@@ -139,9 +139,9 @@ def test_stamps_that_are_coarse_beside_a_step_are_refused(kind: str) -> None:
     start = 0.1 * 2.0**50
     observer, state = observer_of(kind, start)
     with pytest.raises(ValueError, match=r"too coarse to count steps of flow\.dt = 0\.1"):
-        observer.step(state, Sample(start, [0.0]))
+        observer.step(state, Sample(start, [0.0], [0.0]))
     observer, state = observer_of(kind, 1.7e9)  # seconds since 1970
-    observer.step(state, Sample(1.7e9, [0.0]))
+    observer.step(state, Sample(1.7e9, [0.0], [0.0]))
 
 
 def test_a_record_names_the_line(tmp_path: Path) -> None:

@@ -111,7 +111,8 @@ def exact_record(
             y += _measured(sensor, seen, rng)
         w = np.zeros(sum(event.inputs for event in plant.events))
         happens = {"jump": bool(events), "events": tuple(events)}
-        samples.append(Sample(round(k * dt, 9), y=y, w=w if len(w) else None, **happens))
+        u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
+        samples.append(Sample(round(k * dt, 9), y=y, u=u, w=w if len(w) else None, **happens))
         truth.append(x)
     return samples, truth
 

@@ -90,7 +90,8 @@ def run(
             truth.flow(row.instant - before, np.concatenate([b, np.zeros(m)]))
             before = row.instant
         y = truth.measured(rng) if row.is_sample else None
-        state, estimate = observer.step(state, Sample(row.t, y, u=row.u))
+        u = np.zeros(m) if row is rows[0] and row.u is None else row.u
+        state, estimate = observer.step(state, Sample(row.t, y, u=u))
         if not observer.constants.has_finite_radius:  # states that no sample shows
             tally.add("finite_time", "without bounds", True)
         elif estimate.status == "ok":

@@ -177,7 +177,8 @@ def course(
     plant, rng = play.plant, play.rng
     m, inputs = (0 if X is None else X.shape[1] for X in (plant.B, plant.E))
     when = plant.gains["jump_measurement"]
-    u, t, samples, x = np.zeros(m), 0.0, [], []
+    u, t = np.zeros(m), 0.0
+    samples, x = ([Sample(0.0, u=u)], [play.x]) if m else ([], [])
     for _ in range(rows):
         h = step * float(rng.choice([1.0, 1.0, 1.0, 0.3, 2.0]))
         play.flow(h, u)

@@ -154,6 +154,8 @@ class Fleet:
         h, size = rows.t - state.t, np.maximum(np.abs(rows.t), np.abs(state.t))
         ordinary, has_y = self._is_ordinary(state, rows) & (h > 0), state.boxes.y is not None
         groups: list[Group] = []
+        if not has_y and self._reads("u"):  # first samples, which state the known inputs
+            return groups
         for observer, plants in self._designs:
             regular = ordinary
             if observer.known_inputs.u is not None:

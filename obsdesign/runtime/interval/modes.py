@@ -84,7 +84,7 @@ class SwitchedIntervalObserver(SwitchedObserver[IntervalState, IntervalGains]):
             return Entry(inner, estimate)
         guard = DwellGuard.from_gains(gains)
         held = self._at_same_time(inner)._replace(guard=guard)
-        inner, jumped = self.observers[after].step(held, Sample(estimate.t, jump=True))
+        inner, jumped = self.observers[after].step(held, Sample(estimate.t, u=inner.u, jump=True))
         # nothing is measured between the row's sample and the new mode: none is missing
         known = {JUMP, MISSING_SAMPLE, *(text for _, text in estimate.events)}
         faults = [text for _, text in jumped.events if text not in known]

@@ -168,7 +168,8 @@ def _rows(plant: Plant) -> list[Sample]:
     ]
     largest = np.ones(event.inputs) if event.input_bound is None else event.input_bound
     added = sum(event.c_bounds) / 2 + (0.0 if event.E is None else event.E @ largest)
-    times = np.unique(np.concatenate([stamps - error, stamps, stamps + error, *samples]))
+    times = np.unique(np.concatenate([[0.0], stamps - error, stamps, stamps + error, *samples]))
+    u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
     n, x, now, rows = plant.n, np.zeros(plant.n), 0.0, []
     Z = np.zeros((n + 1, n + 1))
     Z[:n, :n], Z[:n, n] = plant.flow.A, sum(plant.flow.b_bounds) / 2
@@ -181,7 +182,7 @@ def _rows(plant: Plant) -> list[Sample]:
         y = plant.outputs.C @ x + (0.0 if middle is None else middle)
         y = np.where(np.repeat(is_read, [len(own.C) for own in plant.sensors]), y, np.nan)
         is_stamp = t in stamps
-        rows.append(Sample(t, y, None, largest, is_stamp, None, (0,) if is_stamp else ()))
+        rows.append(Sample(t, y, u, largest, is_stamp, None, (0,) if is_stamp else ()))
         x, now = x + added if is_stamp else x, t
     return rows
 

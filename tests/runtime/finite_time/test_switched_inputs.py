@@ -120,9 +120,9 @@ def test_bounds_of_a_slow_plant_are_those_of_its_noise() -> None:
     outcome = obsdesign.investigate(task)
     observer: Any = from_design(outcome.design)
     state = observer.init(1e3)
-    for row in rows(1e3, 0.25, (0.3, 0.9)):
-        y = np.zeros(1) if row.is_sample else None
-        state, estimate = observer.step(state, obsdesign.runtime.Sample(row.t, y, u=row.u))
+    for k, row in enumerate(rows(1e3, 0.25, (0.3, 0.9))):
+        y, u = np.zeros(1) if row.is_sample else None, row.u if k else np.zeros(1)
+        state, estimate = observer.step(state, obsdesign.runtime.Sample(row.t, y, u=u))
         if row.is_sample and estimate.status == "ok":
             half = (estimate.upper - estimate.lower) / 2
             assert np.all(half <= 1.001 * observer.gains.radius)

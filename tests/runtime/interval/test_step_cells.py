@@ -99,6 +99,7 @@ def contained(own: Plant, observer: IntervalObserver, rng: np.random.Generator,
     x = arb_mat([[float(v)] for v in first])
     state = observer.init(start, lower=first - 0.1, upper=first + 0.1)
     instant, u, inside, of_cells = Fraction(start), np.zeros(1), True, 0
+    state, _ = observer.step(state, Sample(start, u=u))
     for t in stamps(rng, start, unit):
         error = Fraction(float(rng.uniform(-0.5, 0.5))) * Fraction(math.ulp(t))
         true = max(Fraction(t) + error, instant)

@@ -66,7 +66,7 @@ def cut(whole: Columns, rows: slice) -> Columns:
 @pytest.mark.parametrize("case", list(CASES))
 def test_a_record_at_once_is_its_stream(case: str, is_regular: bool) -> None:
     observer, whole = observer_of(case), record(is_regular=is_regular, case=case)
-    state = start = observer.init(0.0, x=[1.0, -1.0, 0.5])
+    state = start = observer.init(float(whole.t[0]), x=[1.0, -1.0, 0.5])
     estimates = []
     for sample in samples_of(whole):
         state, estimate = observer.step(state, sample)
@@ -90,7 +90,7 @@ def test_a_record_at_once_is_its_stream(case: str, is_regular: bool) -> None:
 def test_statuses_are_those_of_dwell_times(case: str) -> None:
     """Jumps that come too early, too late or change too much are left to the step."""
     whole = record(is_regular=True, case=case, gaps=0)
-    _, batch = observer_of(case).batch_step(observer_of(case).init(0.0), whole)
+    _, batch = observer_of(case).batch_step(observer_of(case).init(float(whole.t[0])), whole)
     kinds = {status.split(" ")[0] for status in batch.status}
     assert kinds == ({"ok"} if case == "before" else {"ok", "dwell", "change"})
 
@@ -107,5 +107,5 @@ def test_rows_with_jumps_are_done_together(case: str, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(Stretches, "_stepped", counted)
     observer, whole = observer_of(case), record(is_regular=True, case="before", gaps=0)
-    observer.batch_step(observer.init(0.0), whole)
+    observer.batch_step(observer.init(float(whole.t[0])), whole)
     assert stepped == [0]

@@ -128,7 +128,9 @@ def test_inputs_beyond_their_bound_and_early_jumps_end_it() -> None:
     observer = _observer(investigate(Problem.from_dict(body)))
     state = observer.init(0.0, lower=[0, 0], upper=[0.1, 0.1])
     for k in range(5):
-        state, estimate = observer.step(state, Sample(float(k), np.zeros(1), jump=k > 0))
+        state, estimate = observer.step(
+            state, Sample(float(k), np.zeros(1), np.zeros(1), jump=k > 0)
+        )
     assert state.largest is None
     state, estimate = observer.step(state, Sample(4.5, np.zeros(1), u=np.array([5.0])))
     assert state.largest is None

@@ -338,6 +338,7 @@ def test_samples_that_contradict_each_other_are_named_and_no_others() -> None:
 def test_a_sample_is_due_at_a_jump_where_jumps_are_measured(when: str, due: bool) -> None:
     observer = from_design(obsdesign.design(_problem(output={"jump_measurement": when})))
     state = observer.start(0.0, [-1.0, 1.0] * 2)
+    state, _ = observer.step(state, Sample(0.0, u=[0.0]))
     state, _ = observer.step(state, Sample(0.1, y=[0.0]))
     state, estimate = observer.step(state, Sample(0.7, jump=True))
     assert ("missing sample" in estimate.status) is due

@@ -207,18 +207,18 @@ def test_the_first_sample_sets_what_it_shows() -> None:
     observer = from_design(obsdesign.design(problem))
     x = np.random.default_rng(0).standard_normal(5)
     g, y = observer.gains, problem.plant.output.C @ x
-    _, first = observer.step(observer.init(), Sample(0.0, y))
+    _, first = observer.step(observer.init(), Sample(0.0, y, [0.0, 0.0]))
     np.testing.assert_allclose(problem.plant.output.C @ first.x, y, atol=1e-9)
     w = g.first @ y
     np.testing.assert_allclose(g.Z @ problem.plant.output.C @ g.X @ w, g.Z @ y, atol=1e-9)
-    _, guessed = observer.step(observer.init(x=x), Sample(0.0, y))
+    _, guessed = observer.step(observer.init(x=x), Sample(0.0, y, [0.0, 0.0]))
     np.testing.assert_allclose(guessed.x, x, atol=1e-9)  # a guess that is right stays right
     assert np.isnan(first.d).all()
 
 
 def test_missing_from_the_start_and_one_sample() -> None:
     observer = from_design(obsdesign.design(random_problem(1)))
-    state, nothing = observer.step(observer.init(x=np.ones(5)), Sample(0.0))
+    state, nothing = observer.step(observer.init(x=np.ones(5)), Sample(0.0, u=[0.0, 0.0]))
     assert nothing.status == "missing sample"
     np.testing.assert_array_equal(nothing.x, 1.0)
     state, first = observer.step(state, Sample(0.1, [1.0, 2, 3]))
@@ -226,13 +226,13 @@ def test_missing_from_the_start_and_one_sample() -> None:
     assert np.isnan(first.d).all()
     _, second = observer.step(state, Sample(0.2, [1.0, 2, 3]))
     assert np.isfinite(second.d).all()
-    single = observer.run_batch([0.0], [[1.0, 2, 3]])
+    single = observer.run_batch([0.0], [[1.0, 2, 3]], [[0.0, 0.0]])
     assert single.x.shape == (1, 5)
 
 
 def test_what_a_sample_may_not_be() -> None:
     observer = from_design(obsdesign.design(random_problem(1)))
-    state, _ = observer.step(observer.init(), Sample(0.0, [1.0, 2, 3]))
+    state, _ = observer.step(observer.init(), Sample(0.0, [1.0, 2, 3], [0.0, 0.0]))
     for wrong, text in (
         (Sample(0.0, [1.0, 2, 3]), "time must increase"),
         (Sample(1.0, [1.0, 2]), "y must have 3"),

@@ -20,7 +20,7 @@ def test_steps_that_ring_say_so() -> None:
     body["observer"]["poles"] = [-1, -2, -40]
     observer = from_design(designed(body))
     t = np.array([0.0, 0.04, 0.08, 0.2])
-    batch = observer.run_batch(t, np.zeros((4, 3)))
+    batch = observer.run_batch(t, np.zeros((4, 3)), np.zeros((4, 2)))
     assert batch.status == ("ok", "ok", "ok", "sampling time 0.12 above 0.05 = 2/|f|")
 
 
