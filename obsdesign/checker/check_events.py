@@ -408,7 +408,8 @@ class WidthMaps:
 
     homogeneous: without inputs, f = h = V = 0. events: that count, by place. An event with |G| <= I
     that no sensor is read at, and that cannot happen again at once, may as well not happen: it
-    only makes the homogeneous width smaller.
+    only makes the homogeneous width smaller. Unless it may stand ahead of another in its row, and
+    so take away a gain M, which acts at the first event of a row alone.
     """
 
     def __init__(self, design: Design, homogeneous: bool) -> None:
@@ -416,9 +417,10 @@ class WidthMaps:
         self.V, self.f = ([0 * a if homogeneous else a for a in x] for x in (design.V, design.f))
         self.W = [[a if i == j else abs(a) for j, a in enumerate(row)] for i, row in rows]
         self.flow, self.events = PositiveFlow(self.W, self.f), []  # type: PositiveFlow, List[int]
+        may_precede = not design.spacing and any(a for x in design.events for r in x.M for a in r)
         for e, event in enumerate(design.events):
             widens = any(abs(a) > b for rows in zip(event.G, self.unit) for a, b in zip(*rows))
-            if widens or self.is_read(e) or not event.every[0]:
+            if widens or self.is_read(e) or may_precede or not event.every[0]:
                 self.events.append(e)
 
     def is_read(self, e: int) -> bool:

@@ -366,11 +366,14 @@ def sensor(name: str, output: int, at: str | None = None, sees: str = "before") 
     return check.Sensor(name, [output], Fraction(0 if at else 1), at, sees)
 
 
-def maps_of(events: Any, sensors: Any = (), A: Any = ((-1, 0), (0, -1))) -> Any:
+def maps_of(
+    events: Any, sensors: Any = (), A: Any = ((-1, 0), (0, -1)), spacing: float = 0.0
+) -> Any:
     """The maps of a plant with two outputs, C = I, noise of 1 and 1/2, widths of b 1/4 and 0."""
     design = SimpleNamespace(
         n=2, A=exact(A), C=exact(UNIT), L=exact([[0.5, 0.0], [0.25, 0.0]]), f=fractions([0.25, 0]),
         V=fractions([1, 0.5]), events=list(events), sensors=list(sensors),
+        spacing=Fraction(spacing),
     )  # fmt: skip
     return check.WidthMaps(design, homogeneous=False)
 
@@ -388,6 +391,17 @@ def maps_of(events: Any, sensors: Any = (), A: Any = ((-1, 0), (0, -1))) -> Any:
 def test_events_that_count(G: Any, every: Any, read: bool, counts: bool) -> None:
     sensors = [sensor("s", 0, "hit" if read else None)]
     assert maps_of([event("hit", G, every)], sensors).events == ([0] if counts else [])
+
+
+@pytest.mark.parametrize(
+    ("M", "spacing", "counting"),
+    [(1.0, 0.0, [0, 1]), (1.0, 0.5, [1]), (0.0, 0.0, [1])],
+)
+def test_an_event_that_may_stand_ahead_of_a_gain_counts(
+    M: float, spacing: float, counting: list[int]
+) -> None:
+    events = [event("dose", UNIT), event("hit", [[2, 0], [0, 1]], M=exact([[0, 0], [M, 0]]))]
+    assert maps_of(events, [sensor("s", 0, "hit")], spacing=spacing).events == counting
 
 
 def test_widths_flow_by_absolute_values_off_the_diagonal() -> None:

@@ -127,11 +127,14 @@ class ClockSystem:
         """Does an event matter for stability: may it widen or narrow, or happen without end?
 
         One that does not may as well not happen: without what it adds no width is the larger for
-        it, and what it adds is bounded in every time.
+        it, and what it adds is bounded in every time. Ahead of an event in its row it takes the
+        gain M of that event away, and so matters.
         """
         size = abs(self.gains.events[event].G)
         may_widen = bool((size > np.eye(len(size))).any())
-        return may_widen or self.is_read(event) or self.dwell(event)[0] == 0.0
+        may_precede_gain = not self.spacing and any(M.any() for M in self.gains.event_gains)
+        matters = may_widen or may_precede_gain or self.is_read(event)
+        return matters or self.dwell(event)[0] == 0.0
 
     def happened(self, events: Sequence[int]) -> tuple[Least, ...]:
         """What events of a row make of it: samples before them, their maps, samples after them.

@@ -16,7 +16,7 @@ from obsdesign.analysis.interval.event_graph import width_graph
 from obsdesign.data.simulation import simulate
 from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
-from obsdesign.runtime import from_design
+from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
 from tests.systems.designs import designed, investigated
 from tests.systems.event_widths import (
@@ -189,6 +189,35 @@ def test_a_sensor_that_is_read_at_the_event_is_part_of_it() -> None:
         more["sensor"].append({"name": "at_hit", "C": [[0, 1]], "noise_bound": 0.03, "at": "hit"})
         more["sensor"][1]["sees"] = sees
         assert is_stable(more, 1)
+
+
+@pytest.mark.parametrize("kept", [1.0, 0.5])
+def test_an_event_ahead_of_another_takes_its_gain_away(kept: float) -> None:
+    """A gain acts at the first event of a row: widths grow there; twin: events never share one."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[-0.1, 0], [0, -0.1]]},
+        "event": [
+            {"name": "dose", "G": (kept * np.eye(2)).tolist(), "every": [0.5, 1]},
+            {"name": "hit", "G": [[3, 3], [3, 3]], "every": [0.5, 1]},
+        ],
+        "sensor": [{"name": "y", "C": [[1, 1]], "noise_bound": 0.01, "at": "hit"}],
+        "observer": {"kind": "interval"},
+    }
+    outcome = investigated(body)
+    assert outcome.design is not None
+    assert claims_of(body)["event_stability"].verdict == "undecided"
+    apart = {**body, "timing": {"spacing": 0.1}}
+    assert claims_of(apart)["event_stability"].verdict == "proved"
+    observer: Any = from_design(outcome.design)
+    widths = []
+    for events in ((0, 1), (1,)):
+        state = observer.init(0.0, lower=[-1, -1], upper=[1, 1])
+        for k in range(1, 8):
+            y = [0.0] if 1 in events else None
+            state, estimate = observer.step(state, Sample(0.7 * k, y, events=events))
+        widths.append(float((estimate.upper - estimate.lower).max()))
+    assert widths[0] > 10
+    assert widths[1] < 0.1
 
 
 def test_two_sensors_together_do_what_none_does_alone() -> None:
