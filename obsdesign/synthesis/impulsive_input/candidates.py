@@ -37,9 +37,12 @@ from obsdesign.synthesis.impulsive_input.operator import (
     reason_for_samples,
     samples_within,
 )
-from obsdesign.synthesis.impulsive_input.samples import reason_against_samples, sampled_candidates
+from obsdesign.synthesis.impulsive_input.samples import (
+    WINDOW_SHARE,
+    reason_against_samples,
+    sampled_candidates,
+)
 
-_WINDOW_SHARE = 0.8  # of the shortest dwell time
 _MARGIN_SHARE = 0.25  # of the window
 _WINDOW_TIME_CONSTANTS = 6.0  # time constants of the slowest mode of A - K C that a window is worth
 
@@ -107,10 +110,10 @@ def _longest_window(problem: Problem, low: float) -> float:
     period = Fraction(problem.plant.output.sample_spacing)
     left = low - 2 * float(period)
     if left <= 0:
-        return _WINDOW_SHARE * low or 1.0
+        return WINDOW_SHARE * low or 1.0
     while Fraction(left) + 2 * period > Fraction(low):  # the claim `samples` is exact
         left = math.nextafter(left, 0.0)
-    return min(_WINDOW_SHARE * low, left)
+    return min(WINDOW_SHARE * low, left)
 
 
 def _shortened_window(D: Matrix, window: float, margin: float) -> float:

@@ -190,7 +190,7 @@ def test_an_output_that_jumps_is_taken_as_samples_in_noise(period: float) -> Non
 def test_noise_alone_makes_few_impulses_of_a_fine_record() -> None:
     body = turning(0.05, noise=0.1)
     observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
-    few = turning(0.05, noise=0.1, operator="samples")
+    few = turning(0.05, noise=0.1, operator="samples", window=0.2)
     four = from_design(obsdesign.design(obsdesign.Problem.from_dict(few)))
     assert observer.engine.least_ratio == pytest.approx(12 + 2 * np.log(8))
     assert four.engine.least_ratio == 12.0
