@@ -232,6 +232,11 @@ def scalar(value: Number | int) -> Ball:
     return arb(value)
 
 
+def infinity() -> Ball:
+    """Plus infinity, exact."""
+    return arb("inf")
+
+
 def lower_entries(S: Balls) -> list[Ball]:
     """Entries of the lower triangle of a square ball matrix, row by row."""
     return [x for i, row in enumerate(S.tolist()) for x in row[: i + 1]]

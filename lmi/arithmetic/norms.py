@@ -8,8 +8,6 @@ Inverses of I - M for nonnegative M, where they are nonnegative: small gains, in
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
@@ -21,6 +19,7 @@ from lmi.arithmetic.balls import (
     entries,
     exact,
     identity,
+    infinity,
     scalar,
 )
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -32,7 +31,7 @@ def upper_balls(values: Exact) -> Exact:
     Infinite for a ball that is not a number: so the least of several bounds is one of the others.
     """
     uppers = [value.abs_upper() for value in values.ravel()]
-    bounds = [upper if upper >= 0 else scalar(math.inf) for upper in uppers]
+    bounds = [upper if upper >= 0 else infinity() for upper in uppers]
     return np.array(bounds, dtype=object).reshape(values.shape)
 
 
