@@ -16,6 +16,7 @@ _PURPOSE = {
     "check_gains.py": "compares the gains with the problem in the same file",
     "check_uncertain.py": "proves that the plant is stable for all its parameters",
     "check_events.py": "proves for events and sensors on clocks of their own that widths decay",
+    "check_sets.py": "proves how narrow set-membership bounds become on their nominal pattern",
 }
 _README = """\
 {name}: observer of kind {kind}

@@ -19,7 +19,7 @@ PROGRAMS = tuple(
     Path(__file__).parents[1] / "checker" / name
     for name in (
         "check_design.py", "check_widths.py", "check_gains.py", "check_uncertain.py",
-        "check_events.py",
+        "check_events.py", "check_sets.py",
     )
 )  # fmt: skip
 _STABILITY = ("dwell_stability", "decay_rate", "hurwitz")

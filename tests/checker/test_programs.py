@@ -22,6 +22,7 @@ from tests.systems.checked import (
     CHECK_DESIGN,
     CHECK_EVENTS,
     CHECK_GAINS,
+    CHECK_SETS,
     CHECK_WIDTHS,
     FOLDER,
     answer,
@@ -33,6 +34,7 @@ from tests.systems.checked import (
 
 PROGRAMS = (
     CHECK_DESIGN, CHECK_WIDTHS, CHECK_GAINS, FOLDER / "check_uncertain.py", CHECK_EVENTS,
+    CHECK_SETS,
 )  # fmt: skip
 MOST_LINES = 500
 
@@ -99,7 +101,7 @@ def test_the_circles_of_trust_are_as_large_as_their_page_says(tmp_path: Path) ->
     counted = [code_lines(path.read_text("utf-8")) for path in PROGRAMS]
     for paths in (map(Path, done.stdout.splitlines()), everything):
         counted.append(sum(code_lines(path.read_text("utf-8")) for path in paths))
-    assert len(stated) == len(counted) == 7
+    assert len(stated) == len(counted) == 8
     for line_count, page_count in zip(counted, stated, strict=True):
         assert abs(line_count - page_count) <= 0.1 * page_count
 

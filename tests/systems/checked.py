@@ -16,6 +16,7 @@ from tests.systems.designs import designed
 FOLDER = Path(__file__).parents[2] / "obsdesign" / "checker"
 CHECK_DESIGN, CHECK_GAINS = FOLDER / "check_design.py", FOLDER / "check_gains.py"
 CHECK_WIDTHS, CHECK_EVENTS = FOLDER / "check_widths.py", FOLDER / "check_events.py"
+CHECK_SETS = FOLDER / "check_sets.py"
 
 _JUMP = {"G": [[2, 1], [1, 3]], "dwell_time": [0.7, "inf"]}
 _OUTPUT = {"C": [[0, 1]], "noise_bound": [0]}
