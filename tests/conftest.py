@@ -7,10 +7,15 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
+from hypothesis import settings
 
 import obsdesign
 from obsdesign import workflow
 from tests.systems.shared_outcomes import SharedOutcomes
+
+# the same examples in every run; other ones are drawn by tests/long
+settings.register_profile("repeatable", derandomize=True)
+settings.load_profile("repeatable")
 
 ROOT = Path(__file__).parent.parent
 OUTCOMES = SharedOutcomes()

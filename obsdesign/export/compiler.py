@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from obsdesign.errors import InputError
-from obsdesign.output_files import temporary_folder
+from obsdesign.output_files import temporary_folder, write_text
 
 # names of compilers on the path, the first that is there
 _COMPILERS = ("cc", "gcc", "clang")
@@ -49,7 +49,7 @@ def shared_library(texts: Mapping[str, str], *flags: str) -> bytes:
     program = compiler()
     with temporary_folder() as folder:
         for name, text in texts.items():
-            (Path(folder) / name).write_text(text, "utf-8")
+            write_text(Path(folder) / name, text)
         sources = [name for name in texts if name.endswith(".c")]
         words = [program, *_FLAGS, *flags, *sources, "-o", "library"]
         try:

@@ -5,7 +5,8 @@ observer = load("design.json")
 state = observer.init(t=0.0, lower=[0, 0], upper=[2, 2])
 state, estimate = observer.step(state, Sample(0.1, y=[0.4]))
 
-With known inputs the first sample is at the time of init and states them: Sample(0.0, u=[5.0]).
+Known inputs are stated at the time of init, in the first sample, Sample(0.0, u=[5.0]); else they
+are zero at first.
 """
 
 from obsdesign.runtime.base import Estimate, Sample

@@ -48,13 +48,13 @@ class Sample(NamedTuple):
     """One row of data at time t, in the plant's time unit.
 
     y (p,): measurements, None for a missing sample; u (m,): known input from t on (None keeps the
-    last one; the first sample, at the time of `init`, states it); w (l,): known jump input; jump: a
-    jump happens at t, after the measurement (or before it, as the plant's `jump_measurement` has
-    it). bounds: of b from t to the next row, of c at this jump, of v in this y; used by kinds with
-    `declared_bounds` alone. events: of several, the places of those that happen; y, w are of all
-    sensors and events, NaN without. received: when the row arrived, None at its time. mode: of a
-    plant with modes, the name of the one from this row on, None for the same. ahead: events with
-    uncertain times whose stamps come later (`runtime.announced`).
+    last one, zero before any; the first sample states it at the time of `init` alone); w (l,):
+    known jump input; jump: a jump happens at t, after the measurement (or before it, as the plant's
+    `jump_measurement` has it). bounds: of b from t to the next row, of c at this jump, of v in this
+    y; used by kinds with `declared_bounds` alone. events: of several, the places of those that
+    happen; y, w are of all sensors and events, NaN without. received: when the row arrived, None at
+    its time. mode: of a plant with modes, the name of the one from this row on, None for the same.
+    ahead: events with uncertain times whose stamps come later (`runtime.announced`).
     """
 
     t: float
@@ -145,11 +145,6 @@ class RecordRunner(ABC, Generic[State]):
     init: Callable[..., State]
 
     @property
-    @abstractmethod
-    def reads(self) -> Mapping[str, int | bool]:
-        """Numbers of y, u and w in a sample, and whether jumps are reported."""
-
-    @property
     def guards(self) -> Sequence[DwellGuard]:
         """Guards of dwell times as they begin, in the order of a state's."""
         return ()
@@ -194,15 +189,12 @@ class RecordRunner(ABC, Generic[State]):
 
         bounds: of b, c and v, (rows, ...) each; mode: of each row, None where it is unchanged.
         initial: arguments of `init` for the time of the first row. ValueError for bounds that the
-        kind does not use, and without u where the plant has known inputs.
+        kind does not use.
         """
         if bounds is not None and self.declared_bounds is None:
             raise ValueError("bounds of b, c and v are not used by this kind of observer.")
         record = Columns.from_arrays(t, y, u, w, jump, bounds=bounds, mode=mode)
-        start = float(record.t[0])
-        if self.reads["u"]:
-            require_first_inputs(u, start, start)
-        return self.batch(self.init(start, **initial), record)
+        return self.batch(self.init(float(record.t[0]), **initial), record)
 
     def batch(self, state: State, record: Columns) -> Batch:
         """Estimates of the rows of a record from a state at its first row."""
@@ -278,32 +270,22 @@ def instant(t: float) -> float:
     return now
 
 
-def later(
-    sample: Sample, t: float, started: bool, inputs: int, *, may_repeat: bool = False
-) -> float:
+def later(sample: Sample, t: float, started: bool, *, may_repeat: bool = False) -> float:
     """The sample's time; ValueError unless it is finite and after t (at t, for the first one).
 
-    inputs: number of known inputs u; the first sample states them, as `require_first_inputs` has
-    it. may_repeat: rows may share a time.
+    A first sample after t states no known input: what that was since t would be open.
+    may_repeat: rows may share a time.
     """
     now = instant(sample.t)
     if not (now > t or (now == t and (may_repeat or not started))):
         must = "not decrease" if may_repeat else "increase"
         raise ValueError(f"time must {must}; got {now!r} after {t!r}.")
-    if inputs and not started:
-        require_first_inputs(sample.u, now, t)
+    if sample.u is not None and np.size(sample.u) and now > t and not started:
+        raise ValueError(
+            f"the known input u must be stated from the time of init, {t!r}, on; got the first at "
+            f"{now!r}. Without a measurement at init: Sample({t!r}, u=...)."
+        )
     return now
-
-
-def require_first_inputs(u: ArrayLike | None, now: float, t: float) -> None:
-    """ValueError unless the first sample, at `now`, states u from the time t of `init` on."""
-    if u is not None and now == t:
-        return
-    got = f"none, at {now!r}" if u is None else f"it at {now!r}"
-    raise ValueError(
-        f"the known input u must be stated from the time of init on: the first sample has u and "
-        f"t = {t!r}; got {got}. Without a measurement there: Sample({t!r}, u=...)."
-    )
 
 
 def vector(values: ArrayLike, size: int, name: str) -> Vector:

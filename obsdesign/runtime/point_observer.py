@@ -95,7 +95,7 @@ class SteppedObserver(PointObserver[TimedState], Stepped[TimedState]):
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        t = later(sample, state.t, state.started, int(self.reads["u"]))
+        t = later(sample, state.t, state.started)
         y = centred_measurement(sample.y, self.gains)
         with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
             return self.advance(state, t, y, sample)

@@ -83,7 +83,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         ValueError if time does not increase (the first sample may share the initial time).
         """
         if state.filling.full and not sample.jump:
-            t = later(sample, state.t, state.started, self.gains.m)
+            t = later(sample, state.t, state.started)
             steady = steady_step(self.constants, state, t, sample)
             if steady is not None:
                 return steady

@@ -144,7 +144,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        later(sample, state.t, state.started, len(state.u))
+        later(sample, state.t, state.started)
         state = self.block(state, [sample])
         events = tuple(event for row in state.decided for event in row.events)
         x = self.engine.prediction(state.live)

@@ -94,7 +94,7 @@ class IntervalObserver(BoundsObserver[IntervalState]):
         """
         if state.is_usual and (usual := self._usual(state, sample)) is not None:
             return usual
-        t = later(sample, state.t, state.started, len(state.u))
+        t = later(sample, state.t, state.started)
         y = optional_measurement(sample.y, self.gains.p)
         off = y is not None and self.gains.is_periodic and self.clock.is_off_period(state, t)
         guard, late = state.guard.after(t, sample.jump)

@@ -128,7 +128,7 @@ class ClockedIntervalObserver(BoundsObserver[ClockedState]):
 
     def row_of(self, state: ClockedState, sample: Sample) -> Row:
         """A sample, checked; ValueError for one that cannot follow the state."""
-        t = later(sample, state.t, state.started, len(state.u), may_repeat=True)
+        t = later(sample, state.t, state.started, may_repeat=True)
         own, events = sample.bounds or Bounds(), self._clocks.places(sample)
         y = None if sample.y is None else vector(sample.y, self.gains.p, "y")
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")

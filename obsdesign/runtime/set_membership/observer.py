@@ -127,7 +127,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         NaN in y marks an output that is missing. ValueError if time does not increase (the first
         sample may share the initial time).
         """
-        t = later(sample, state.t, state.started, len(state.u), may_repeat=self._clocks.may_repeat)
+        t = later(sample, state.t, state.started, may_repeat=self._clocks.may_repeat)
         y, events = self._measured(sample.y), self._clocks.named.places(sample)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         kept, not_kept = self._clocks.after(

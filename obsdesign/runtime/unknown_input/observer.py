@@ -136,7 +136,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         """
         if sample.jump:
             raise no_jumps()
-        t = later(sample, state.t, state.started, self.gains.m)
+        t = later(sample, state.t, state.started)
         y = self._moderate(sample.y)
         if y is not None and state.moderate and SHORTEST < t - state.t_measured < LONGEST:
             return self._step(state, t, y, sample)  # no overflow: `errstate` takes its time

@@ -108,6 +108,7 @@ def test_bounds_follow_a_state_that_grows(growing: obsdesign.Design) -> None:
     observer, x = from_design(growing), np.array([1.0, 0.0])
     state = observer.init(0.0, lower=[0.9, -0.1], upper=[1.1, 0.1])
     largest, u = 0.0, np.array([2.0])
+    state, _ = observer.step(state, Sample(0.0, None, u))
     for k in range(2000):
         p = 0.1 * np.sign(np.sin(0.1 * k))
         for _ in range(10):
