@@ -137,10 +137,6 @@ class Ball:
         self.x = x
         self.radius = radius
 
-    def transpose(self) -> "Ball":
-        """X'."""
-        return Ball(transposed(self.x), self.radius)
-
     def plus(self, other: "Ball") -> "Ball":
         """X + Y: radii add."""
         rows = [[a + b for a, b in zip(*pair)] for pair in zip(self.x, other.x)]
@@ -216,13 +212,13 @@ def is_less(X: Ball, Y: Ball) -> bool:
 
 def congruence(E: Ball, X: Ball) -> Ball:
     """E' X E."""
-    return E.transpose().times(X.times(E))
+    return Ball(transposed(E.x), E.radius).times(X.times(E))
 
 
 def lyapunov(F: Ball, X: Ball) -> Ball:
     """Lyap(X) = F'X + XF, for a symmetric X: the sum of X F and its transpose."""
     image = X.times(F)
-    return image.plus(image.transpose())
+    return image.plus(Ball(transposed(image.x), image.radius))
 
 
 def bounding_factor(X: Ball, Y: Ball) -> Optional[Fraction]:
@@ -858,11 +854,12 @@ def prove_design(design: Design) -> List[str]:
     return [*sentences, f"not checked: {others!a}, options, and any other word of the file"]
 
 
-def main(path: str) -> int:
+def main(*paths: str) -> int:
     """Check one design file, print the answer, return the exit code."""
     code = 2
     try:
-        with open(0 if path == "-" else path, "rb") as file:
+        demand(len(paths) == 1, f"one design file is due. {__doc__}")
+        with open(0 if paths == ("-",) else paths[0], "rb") as file:
             design = Design(file.read().decode("utf-8"))
         code = 1
         print("\n".join(prove_design(design)))
@@ -874,4 +871,4 @@ def main(path: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]) if len(sys.argv) == 2 else __doc__)
+    sys.exit(main(*sys.argv[1:]))

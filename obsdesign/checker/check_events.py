@@ -95,10 +95,6 @@ class Ball:
         self.x = x
         self.radius = radius
 
-    def transpose(self) -> "Ball":
-        """X'."""
-        return Ball(transposed(self.x), self.radius)
-
     def plus(self, other: "Ball") -> "Ball":
         """X + Y: radii add."""
         rows = [[a + b for a, b in zip(*pair)] for pair in zip(self.x, other.x)]
@@ -246,8 +242,7 @@ def dot(row: Sequence[Fraction], y: Vector) -> Fraction:
 
 def least(maps: List[Map], u: Vector) -> Vector:
     """The least of N u + k, entry by entry."""
-    images = [[dot(row, u) + a for row, a in zip(N, k)] for N, k in maps]
-    return [min(entries) for entries in zip(*images)]
+    return [min(x) for x in zip(*([dot(row, u) + a for row, a in zip(N, k)] for N, k in maps))]
 
 
 # 3. Reading a design -----------------------------------------------------------------------------
@@ -362,23 +357,29 @@ class Design:
         self.spacing = time(problem.get("timing", {}).get("spacing", 0))
         demand(time(gains.get("spacing", 0)) == self.spacing, "gains.spacing is another")
         self.sensors, self.events = self.read_sensors(), self.read_events(sizes)
+        blocks = [*problem.get("event", []), *problem["sensor"]]
+        demand(len({x["name"] for x in blocks}) == len(blocks), "two blocks have one name")
+        self.is_late = any(time(x.get("report_delay", 0)) for x in blocks)
         self.counted = [k for k, x in enumerate(self.sensors) if 0 < x.gap < math.inf]
 
     def read_sensors(self) -> List[Sensor]:
         """The sensors of the problem, which must be those of the gains, too."""
         sensors, first = [], 0  # type: List[Sensor], int
+        events = [block["name"] for block in self.problem.get("event", [])]
         demand(len(self.gains["sensors"]) == len(self.problem["sensor"]), "sensors differ")
         for block, stored in zip(self.problem["sensor"], self.gains["sensors"]):
             name, sees, size, event = block["name"], block["sees"], len(block["C"]), block.get("at")
             own = [stored["name"], stored["sees"], stored["outputs"], stored.get("event")]
             demand(own == [name, sees, size, event], "a sensor of the gains is another")
-            demand(sees in ("before", "after"), "sees must be before or after")
-            every, gap = block.get("every", [0, "inf"]), Fraction(0)
+            demand(sees in ("before", "after") and event in (None, *events), "sees, or at, is none")
+            demand((event is None) == ("every" in block), "a sensor has both clocks, or none")
+            every = block.get("every", [0, "inf"])
             b, c = (float(time(block.get(name, 0))) for name in ("losses", "jitter"))
-            if isinstance(every, list):
-                gap = interval(every)[1]
-            elif every != "continuous":  # in doubles, as the observer
-                gap = time(float(time(every)) * (1 + b) + 2 * c)
+            # b samples lost, and one late by c after one early by c; in doubles, as the observer
+            is_period = isinstance(every, (int, float))
+            demand(is_period or b == c == 0, "losses and jitter are those of a period")
+            ends = [0, 0] if every == "continuous" else every
+            gap = time(float(time(every)) * (1 + b) + 2 * c) if is_period else interval(ends)[1]
             demand(gap == time(stored["gap"]), "the gap of a sensor is another")
             sensors.append(Sensor(name, [*range(first, first + size)], gap, event, sees))
             first += size
@@ -391,12 +392,11 @@ class Design:
         demand(len(blocks) == len(stored) == len(maps), "events differ")
         events = []
         for block, own, M in zip(blocks, stored, maps):
-            G, every = array(own["G"], "nn", sizes), block.get("every", [0, "inf"])
+            every, times = block.get("every", [0, "inf"]), own.get("dwell_time", [0, "inf"])
             ends = interval(every if isinstance(every, list) else [every, every])
-            same = own["name"] == block["name"] and array(block["G"], "nn", sizes) == G
-            demand(same, "an event of the gains is another")
-            demand(interval(own.get("dwell_time", [0, "inf"])) == ends, "dwell times are others")
-            events.append(Event(own["name"], G, M, ends))
+            events.append(Event(block["name"], array(block["G"], "nn", sizes), M, ends))
+            same = Event(own["name"], array(own["G"], "nn", sizes), M, interval(times))
+            demand(same == events[-1], "an event of the gains is another")
         return events
 
 
@@ -464,8 +464,7 @@ class WidthMaps:
             if e == kind[0] and all(p in measured for row in M for p, a in enumerate(row) if a):
                 maps.append(self.corrected(G, M, sorted(measured)))
             stages.append(maps)
-        after = [k for k in read if k not in before]
-        return stages + [stage for k in after for stage in self.sampled(k)]
+        return stages + [stage for k in read if k not in before for stage in self.sampled(k)]
 
 
 # 5. Marks: instants at which events happen -------------------------------------------------------
@@ -534,8 +533,7 @@ class Marks:
 
     def count(self, length: Fraction) -> int:
         """Cells of a time, `cells` in each unit, or in itself if shorter, but not too many."""
-        unit = min(length, self.unit or length)
-        return min(math.ceil(length * self.cells / unit), MOST_PARTS)
+        return min(math.ceil(length * self.cells / min(length, self.unit or length)), MOST_PARTS)
 
     def ages(self, e: int, beyond: int) -> List[Range]:
         """Cells of the time since an event that has not happened again."""
@@ -548,8 +546,7 @@ class Marks:
 
     def preceding(self) -> Dict[int, List[Tuple[int, Range]]]:
         """Marks that may come before each, of those that have some before them, and so on."""
-        places = range(len(self.marks))
-        both = product(places, places)
+        both = product(range(len(self.marks)), repeat=2)
         pairs = [(x, y, time) for x, y in both for time in self.marks[x].until(self.marks[y])]
         size = len(pairs) + 1
         while len(pairs) < size:
@@ -577,10 +574,8 @@ class Graph:
     def __init__(self, system: WidthMaps, marks: Marks) -> None:
         self.marks, self.before = marks, marks.before
         self.sensors = system.design.counted
-        self.cells: Dict[int, List[Range]] = {}
-        for s in self.sensors:
-            gap = system.design.sensors[s].gap
-            self.cells[s] = parts(gap, marks.count(gap))
+        gaps = {s: system.design.sensors[s].gap for s in self.sensors}
+        self.cells = {s: parts(gap, marks.count(gap)) for s, gap in gaps.items()}
         self.aged = {s: self.ages_at_marks(s) for s in self.sensors}
         self.happens = [system.happened(kind) for kind in marks.kinds]
         self.happens += [system.sampled(s) for s in self.sensors] + [[]]
@@ -640,15 +635,14 @@ class Graph:
     def of_mark(self, y: int) -> Iterator[Strategy]:
         """By the mark before; by each sensor; by both of two sensors, in either order."""
         yield [self.after(*before) for before in self.before[y]]
-        yield from ([*self.all_ages("aged", y, s)] for s in self.sensors)
+        yield from (self.all_ages("aged", y, s) for s in self.sensors)
         for r, s in combinations(self.sensors, 2):
             yield [*self.last_of_both(y, r, s), *self.last_of_both(y, s, r)]
 
-    def all_ages(self, name: str, y: int, s: int) -> Iterator[Passage]:
+    def all_ages(self, name: str, y: int, s: int) -> Strategy:
         """Whatever the age of the last sample of a sensor is."""
-        for i in range(len(self.cells[s])):
-            if (y, i) in self.aged[s]:
-                yield self.same(name, y, s, i)
+        cells = range(len(self.cells[s]))
+        return [self.same(name, y, s, i) for i in cells if (y, i) in self.aged[s]]
 
     def of_aged(self, y: int, s: int, i: int) -> Iterator[Strategy]:
         """By this sensor, or by each other one, whatever its age."""
@@ -656,7 +650,7 @@ class Graph:
             yield from self.of_own(y, s, i)
         else:
             yield [self.same("own", y, s, i)]
-            yield from ([*self.all_ages("own", y, r)] for r in self.sensors if r != s)
+            yield from (self.all_ages("own", y, r) for r in self.sensors if r != s)
 
     def of_own(self, y: int, s: int, i: int) -> Iterator[Strategy]:
         """By the last sample, after the mark before or before that too; or by that mark."""
@@ -769,44 +763,52 @@ def prove_still(system: WidthMaps, v: Vector) -> None:
 
 def prove_width(design: Design, evidence: Table) -> str:
     """Prove the width at all times of a plant without events; return it in words."""
-    tube, sizes = evidence["tube"], {"n": design.n}
-    always = array(evidence["always"], "n", sizes)
-    system, (v,) = WidthMaps(design, homogeneous=False), array(tube, "vn", sizes)
+    n = {"n": design.n}
+    always, (v,) = array(evidence["always"], "n", n), array(evidence["tube"], "vn", n)
     demand(all(0 < a <= b for a, b in zip(v, always)), "the bound is below the tube, or 0")
-    prove_still(system, v)
-    return "the width of the bounds comes to at most " + str(tuple(map(float, always)))
+    prove_still(WidthMaps(design, homogeneous=False), v)  # as time goes on w < v, v <= always
+    return (
+        f"with b, v in bounds of the gains the width comes to at most {tuple(map(float, always))}"
+    )
 
 
 # 8. The verdict ----------------------------------------------------------------------------------
+
+
+def assumed(design: Design) -> str:
+    """When events and samples come, in words: the proof rests on each of these."""
+    ends = [" to ".join(repr(float(t)) for t in x.every) for x in design.events]
+    words = [f"{x.name!a} again {own} later" for x, own in zip(design.events, ends)]
+    if len(design.events) > 1 and design.spacing:
+        words.append(f"different events at least {float(design.spacing)!r} apart")
+    for k, x in enumerate(design.sensors):
+        own = "nothing" if x.event is None else f"a sample {x.sees} every {x.event!a}"
+        own = f"a sample in any {float(x.gap)!r}" if k in design.counted else own
+        words.append(f"of {x.name!a} {own}")
+    return ", ".join(words + ["every report in"] * design.is_late)
 
 
 def prove_design(design: Design) -> List[str]:
     """Prove what this program knows of a design; return sentences: what was proved, what not."""
     design.read()
     prove_stability(design, design.evidence["event_stability"])
-    proved = ["event_stability"]
-    sentences = ["without disturbances and noise the width of the bounds tends to zero"]
+    proved = {"event_stability": "without disturbances and noise the width tends to zero"}
     if not design.events and "event_width" in design.evidence:
-        sentences.append(prove_width(design, design.evidence["event_width"]))
-        proved.append("event_width")
-    times = [f"{x.name} after " + "..".join(repr(float(t)) for t in x.every) for x in design.events]
-    times += [
-        f"{design.sensors[k].name} in {float(design.sensors[k].gap)!r}" for k in design.counted
-    ]
-    when = f"for all times: {times!a}, different events at least {float(design.spacing)!r} apart"
+        proved["event_width"] = prove_width(design, design.evidence["event_width"])
     others = ascii(sorted({*design.evidence} - {*proved}))
     return [
-        *(f"proved: {each}, {when}" for each in sentences),
-        f"not checked: {others}, whether the gains hold the bounds of b and v of the problem and "
-        "the gains that it gives, options, and any other word of the file",
+        *(f"proved: {each}; assumed: {assumed(design)}" for each in proved.values()),
+        f"not checked: {others}, whether bounds of b and v in the gains are those of the problem, "
+        "and L and M those that it may state, options, and any other word of the file",
     ]
 
 
-def main(path: str) -> int:
+def main(*paths: str) -> int:
     """Check one design file, print the answer, return the exit code."""
     code = 2
     try:
-        with open(0 if path == "-" else path, "rb") as file:
+        demand(len(paths) == 1, f"one design file is due. {__doc__}")
+        with open(0 if paths == ("-",) else paths[0], "rb") as file:
             design = Design(file.read().decode("utf-8"))
         code = 1
         print("\n".join(prove_design(design)))
@@ -818,4 +820,4 @@ def main(path: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]) if len(sys.argv) == 2 else __doc__)
+    sys.exit(main(*sys.argv[1:]))

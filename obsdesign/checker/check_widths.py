@@ -164,10 +164,6 @@ class Ball:
         self.x = x
         self.radius = radius
 
-    def transpose(self) -> "Ball":
-        """X'."""
-        return Ball(transposed(self.x), self.radius)
-
     def plus(self, other: "Ball") -> "Ball":
         """X + Y: radii add."""
         rows = [[a + b for a, b in zip(*pair)] for pair in zip(self.x, other.x)]
@@ -793,11 +789,12 @@ def step_limit(design: Design, evidence: Table) -> Time:
     return limit
 
 
-def main(path: str) -> int:
+def main(*paths: str) -> int:
     """Check one design file, print the answer, return the exit code."""
     code = 2
     try:
-        with open(0 if path == "-" else path, "rb") as file:
+        demand(len(paths) == 1, f"one design file is due. {__doc__}")
+        with open(0 if paths == ("-",) else paths[0], "rb") as file:
             design = Design(file.read().decode("utf-8"))
         code = 1
         print("\n".join(prove_design(design)))
@@ -809,4 +806,4 @@ def main(path: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]) if len(sys.argv) == 2 else __doc__)
+    sys.exit(main(*sys.argv[1:]))

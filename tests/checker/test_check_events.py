@@ -101,11 +101,33 @@ def test_it_is_proved_again(name: str) -> None:
 
 def test_its_sentences_are_its_own() -> None:
     lines = answer(document("apart"), CHECK_EVENTS)[1].splitlines()
-    times = "['hit after 2.0..3.0', 'kick after 3.0..9.0', 'level in 0.2']"
-    assert lines[0].endswith(f"for all times: {times}, different events at least 0.5 apart")
+    assert lines[0] == (
+        "proved: without disturbances and noise the width tends to zero; assumed: 'hit' again "
+        "2.0 to 3.0 later, 'kick' again 3.0 to 9.0 later, different events at least 0.5 apart, "
+        "of 'level' a sample in any 0.2"
+    )
     assert "event_stability" not in lines[-1]
     without = changed(document("motor_encoders"), lambda d: d["claims"].pop())
     assert "comes to" not in answer(without, CHECK_EVENTS)[1]
+
+
+def test_every_time_that_the_proof_rests_on_is_in_the_sentence() -> None:
+    first = answer(document("one row"), CHECK_EVENTS)[1].splitlines()[0]
+    assert "apart" not in first  # in one row they have no time between them
+    assert first.endswith("of 'level' a sample in any 0.2, of 'at_hit' a sample after every 'hit'")
+    first = answer(document("continuous"), CHECK_EVENTS)[1].splitlines()[0]
+    assert first.endswith("of 'level' a sample in any 0.2, of 'first' nothing")
+    for line in answer(document("thermometer"), CHECK_EVENTS)[1].splitlines()[:2]:
+        assert line.startswith("proved: with")
+        assert line.split("; assumed: ")[1].startswith("of '")
+
+
+def test_late_reports_are_in_the_sentence() -> None:
+    for block, delay, ending in (
+        ("event", 0.5, ", every report in"), ("sensor", 0.5, ", every report in"), ("sensor", 0.0, "0.2"),
+    ):  # fmt: skip
+        late = changed(document("one event"), entry(block, "report_delay", delay))
+        assert answer(late, CHECK_EVENTS)[1].splitlines()[0].endswith(ending)
 
 
 def entry(block: str, name: str, value: Any, place: int = 0) -> Change:
@@ -192,6 +214,27 @@ WRONG: list[tuple[str, str, Change]] = [
         for block in (d["problem"]["sensor"][0], d["gains"]["sensors"][0])
     ]),
     ("one event", "another name of an event", in_gains("events", 0, "name", value="x")),
+    ("one event", "losses of a range", entry("sensor", "losses", 1)),
+    ("one event", "jitter of a range", entry("sensor", "jitter", 0.1)),
+    ("continuous", "losses", entry("sensor", "losses", 1, 1)),
+    ("one row", "losses of a sensor that is read at an event", entry("sensor", "losses", 1, 1)),
+    ("one row", "it has a clock, too", entry("sensor", "every", [0.0, "inf"], 1)),
+    ("one row", "it is read at no event", lambda d: [
+        d["problem"]["sensor"][1].update(at="none"), d["gains"]["sensors"][1].update(event="none")
+    ]),
+    ("continuous", "it has no clock", lambda d: [
+        d["problem"]["sensor"][1].pop("every"), d["gains"]["sensors"][1].update(gap="inf")
+    ]),
+    ("one event", "a clock and an event", lambda d: [
+        d["problem"]["sensor"][0].update(at="hit"), d["gains"]["sensors"][0].update(event="hit")
+    ]),
+    ("two sensors", "two of one name", lambda d: [
+        x["sensor" + end][1].update(name="level") for x, end in ((d["problem"], ""), (d["gains"], "s"))
+    ]),
+    ("one event", "a name of an event", lambda d: [
+        x["sensor" + end][0].update(name="hit") for x, end in ((d["problem"], ""), (d["gains"], "s"))
+    ]),
+    ("one event", "a report before its time", entry("sensor", "report_delay", -1.0)),
     ("one event", "jitter below zero", entry("sensor", "jitter", -5e-324)),
     ("one event", "losses that are no number", entry("sensor", "losses", True)),
     ("two events", "another order", lambda d: d["gains"]["events"].reverse()),

@@ -151,8 +151,8 @@ def test_usage_and_files_that_cannot_be_read(tmp_path: Path) -> None:
     for program in PROGRAMS:
         command = [sys.executable, "-I", "-S", str(program)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 1
-        assert "python3 -I -S" in done.stderr
+        assert done.returncode == 2
+        assert "python3 -I -S" in done.stdout
         missing = str(tmp_path / "missing.json")
         done = subprocess.run([*command, missing], capture_output=True, text=True, check=False)
         assert done.returncode == 2
