@@ -49,6 +49,8 @@ Range = Tuple[Time, Time]  # (shortest, longest)
 
 BITS = 256  # balls count in units of 2^-BITS
 DEGREE = 6  # of Taylor polynomials
+# not checked; the first of these is what check_gains.py compares
+OTHERS = "whether A, C, G, L, M, times, bounds are the problem's, options, other words of the file"
 MOST_BOXES = 20000
 MOST_HALVINGS = 40
 
@@ -569,8 +571,7 @@ class Design:
         is_design = body["format"] == "obsdesign/design" and repr(body["version"]) == "1"
         demand(is_design and body["kind"] in ("interval", "luenberger"), "no design of these kinds")
         self.kind, self.gains, self.problem = body["kind"], body["gains"], body["problem"]
-        known = {"name", "names", "observer", *PROBLEM}
-        demand({*self.problem} <= known, "plants with other blocks are not checked")
+        demand({*self.problem} <= {"name", "names", "observer", *PROBLEM}, "a block is not known")
         for place, names in PROBLEM.items():
             unknown = {*self.problem.get(place, {})} - {*names.split()}
             demand(not unknown, f"{place}: {sorted(unknown)} is not known to this program")
@@ -789,8 +790,8 @@ def prove_schedule(design: Design, F: Matrix, evidence: Table) -> None:
     for j, M in enumerate(gains):
         gaps = [max(a - highs[j], lows[j] - b) for a, b in zip(lows, highs)]
         sources = [X for gap, X in zip(gaps, P) if gap <= design.jitter]
-        H = error_maps(design, M)[1] or []  # jumps exist: never []
-        target = congruence(ball(product(H, D)), P[j])
+        # H D, where jumps exist: never []
+        target = congruence(ball(product(error_maps(design, M)[1] or [], D)), P[j])
         Decrease(flow, target, sources, tails).prove(right, (lows[j], highs[j]))
 
 
@@ -801,17 +802,24 @@ def prove_rates(design: Design, F: Matrix, H: Matrix) -> str:
     Phi(T)' P Phi(T) < e^(-2 r T) P: like e^(-r t); the same for F + r I.
     """
     stated, stability = design.evidence["rates"], design.evidence["dwell_stability"]
-    factor, rate = number(stated["per_jump"]), time(stated["in_time"])
-    demand(0 < factor < 1, "a factor per jump is between 0 and 1")
-    shrunk = [[a / factor for a in row] for row in H]
-    faster = total(F, identity(design.n), rate)
+    g, r = number(stated["per_jump"]), time(stated["in_time"])
+    demand(0 < g < 1, "a factor per jump is between 0 and 1")
+    shrunk = [[a / g for a in row] for row in H]
+    faster = total(F, identity(design.n), r)
     for name, own_F, own_H in (("per_jump", F, shrunk), ("in_time", faster, H)):
         own = {"P": stated[f"P_{name}"]} if f"P_{name}" in stated else {}
         prove_stability(design, own_F, own_H, {**stability, **own})
-    return f"to at most {float(factor)!r} of itself and like e^(-{float(rate)!r} t)"
+    return f"in a norm per window to at most {float(g)!r} of itself and like e^(-{float(r)!r} t)"
 
 
 # 9. The verdict ---------------------------------------------------------------------------------
+
+
+def times_of_samples(design: Design, between: str = "continuously") -> str:
+    """When y is measured, in words: `between` jumps if it is continuous, and at jumps."""
+    at_jumps = design.has_jumps and design.gains["jump_measurement"] != "none"
+    times = [between] * (design.measured == "continuous" and between != "")
+    return " and ".join(times + ["at jumps"] * at_jumps) or "at no time"
 
 
 def prove_design(design: Design) -> List[str]:
@@ -827,7 +835,7 @@ def prove_design(design: Design) -> List[str]:
         quantity, (F, H) = "width of the bounds", width_maps(design)
         sentences.append("proved: signs of the bounds, splits to 2^-46 of the largest entry")
         proved += ["flow_positive", "jump_positive"] if H else ["flow_positive"]
-    y = "y" if design.measured == "at_jumps" else "y measured continuously and"
+    y = f"with y measured {times_of_samples(design)}, without disturbances and noise"
     (low, high), jitter = map(float, design.ends), float(design.jitter)
     end = "inf)" if high == math.inf else f"{high!r}]"
     limit = "" if jitter == math.inf else f" that change by at most {jitter!r} at a time"
@@ -845,13 +853,11 @@ def prove_design(design: Design) -> List[str]:
             prove_stability(design, shifted, H, evidence)
         proved += [name, "hurwitz"] if high == math.inf else [name]  # late times need both
         decay = f"decays like e^(-{float(shift)!r} t)" if shift else "tends to zero"
-        sentences.append(f"proved: with {y} at jumps, no inputs, the {quantity} {decay}{when}")
+        sentences.append(f"proved: {y}, the {quantity} {decay}{when}")
     if H is not None and "rates" in design.evidence and "M_cells" not in design.gains:
-        shrinks = prove_rates(design, F, H)
-        sentences.append(f"proved: likewise from jump to jump, it shrinks, in norms, {shrinks}")
+        sentences.append("proved: likewise, from jump to jump, " + prove_rates(design, F, H))
         proved.append("rates")
-    others = sorted({*design.evidence} - {*proved})
-    return [*sentences, f"not checked: {others!a}, options, and any other word of the file"]
+    return [*sentences, f"not checked: {sorted({*design.evidence} - {*proved})!a}, {OTHERS}"]
 
 
 def main(*paths: str) -> int:

@@ -51,6 +51,8 @@ Range = Tuple[Time, Time]  # (shortest, longest)
 
 BITS = 256  # balls count in units of 2^-BITS
 DEGREE = 6  # of Taylor polynomials
+# not checked; the first of these is what check_gains.py compares
+OTHERS = "whether A, C, G, L, M, times, bounds are the problem's, options, other words of the file"
 MOST_BOXES = 20000
 MOST_HALVINGS = 40
 
@@ -608,10 +610,11 @@ def with_samples(design: Design, system: System, v: Matrix, limit: Fraction) -> 
     r' = Mz(A) r + d for the width of its prediction, Mz: absolute values off the diagonal; and
     s' = |C A| r + |C| d, s(0) = 0, for the width of C x - C x(sample), d the part of f that is no
     noise. It enters as |L| s. At the time t <= limit after the sample, s is at most
-    s1 r(0) + s0, for limit too, since both grow; and r(0) = w(0) <= e^(-W_ii t) w(t), entry by
-    entry, since w' >= W_ii w. So, with e_i = e^(-min(W_ii, 0) limit),
+    s1 r(0) + s0, for limit too, since both grow. For the path u from w(0), which bounds w,
+    r(0) = u(0) <= e^(-W_ii t) u(t), entry by entry, since u' >= W_ii u. So, with
+    e_i = e^(-min(W_ii, 0) limit),
 
-        w' <= W w + f + |L| (s1 diag(e) w + s0).
+        u' <= W u + f + |L| (s1 diag(e) u + s0).
 
     (With the sample at the end of a step in place of its start, s(limit) - s(t) enters, no more.)
     A jump ends a step; where M acts it has a sample of its own.
@@ -670,20 +673,19 @@ def prove_width(design: Design, system: System, evidence: Table, limit: Time) ->
     ones = column([Fraction(1)] * n)
     room = difference(v, h)  # N u < v - h
     demand(all(a > 0 for (a,) in room + before), "the jump leaves the tube, or a bound is 0")
-    path = Path(W, f, v)
+    path, stated = Path(W, f, v), evidence.get("constant_dwell", [])
     jumps = in_units(N, room, ones)
     path.prove(jumps + in_units(out, before, ones), design.ends)
     path.prove(in_units(out, always, ones), (Fraction(0), design.ends[1]))
-    for row in evidence.get("constant_dwell", []):
-        prove_constant_dwell(system, design.ends, row)
+    constant = [prove_constant_dwell(system, design.ends, row) for row in stated]
     return (
         f"the width comes, as jumps go on, to at most {listed(after)} after a jump, "
-        f"{listed(before)} before one and {listed(always)} at any time"
+        f"{listed(before)} before one and {listed(always)} at any time" + "".join(constant)
     )
 
 
-def prove_constant_dwell(system: System, ends: Range, row: Table) -> None:
-    """Widths that one dwell time T leads to, before and after jumps and on average.
+def prove_constant_dwell(system: System, ends: Range, row: Table) -> str:
+    """Widths that one dwell time T leads to, before and after jumps and on average, in words.
 
     In units of T, (u, 1, m) with m' = u turns (a, 1, 0) into (E a + g, 1, K a + k). Before jumps
     the width tends to the solution of w = E (N w + h) + g, since products of E N vanish (the tube).
@@ -702,10 +704,14 @@ def prove_constant_dwell(system: System, ends: Range, row: Table) -> None:
     demand(is_nonnegative(b), "no limit of the width was shown")
     after = total(product(N, b), h)
     mean = product([r[: n + 1] for r in whole[n + 1 :]], [*after, [Fraction(1)]])
-    for limit, stated in zip((b, after, mean), vectors(row, "before_jump after_jump mean", n)):
-        demand(
-            is_at_most(product(out, limit), stated), "a width at a constant dwell time is larger"
-        )
+    stated = vectors(row, "before_jump after_jump mean", n)
+    for limit, bound in zip((b, after, mean), stated):
+        demand(is_at_most(product(out, limit), bound), "a width at a constant dwell time is larger")
+    before, later, average = map(listed, stated)
+    return (
+        f"; if all dwell times are {float(T)!r}, {later} after a jump, {before} before one and "
+        f"{average} on average"
+    )
 
 
 def prove_vector(F: Matrix, H: Matrix, ends: Range, evidence: Table) -> None:
@@ -739,6 +745,13 @@ def listed(v: Matrix) -> str:
 # 8. The verdict ----------------------------------------------------------------------------------
 
 
+def times_of_samples(design: Design, between: str = "continuously") -> str:
+    """When y is measured, in words: `between` jumps if it is continuous, and at jumps."""
+    at_jumps = design.has_jumps and design.gains["jump_measurement"] != "none"
+    times = [between] * (design.measured == "continuous" and between != "")
+    return " and ".join(times + ["at jumps"] * at_jumps) or "at no time"
+
+
 def prove_design(design: Design) -> List[str]:
     """Prove what this program knows of a design; return sentences: what was proved, what not.
 
@@ -747,7 +760,7 @@ def prove_design(design: Design) -> List[str]:
     """
     sentences, proved, quantity = [], [], "error"  # type: Tuple[List[str], List[str], str]
     F, H = error_maps(design, design.array("M", "np"))
-    y = "y" if design.measured == "at_jumps" else "y measured continuously and"
+    y = f"with y measured {times_of_samples(design)}"
     low, high = map(float, design.ends)
     end = "inf)" if high == math.inf else f"{high!r}]"
     when = f", for every sequence of dwell times in [{low!r}, {end}" if H else ""
@@ -758,25 +771,27 @@ def prove_design(design: Design) -> List[str]:
         proved += ["flow_positive", "jump_positive"] if H else ["flow_positive"]
         if "width" in design.evidence:
             widths = prove_width(design, system, design.evidence["width"], math.inf)
-            sentences.append(f"proved: with {y} at jumps, {widths}{when}")
+            sentences.append(f"proved: {y}, {widths}{when}")
         if "sampled_width" in design.evidence:
             limit = step_limit(design, design.evidence["sampled_width"])
             widths = prove_width(design, system, design.evidence["sampled_width"], limit)
-            apart = f"samples at most {float(limit)!r} apart and"
-            apart = apart if limit < math.inf else "samples"
-            sentences.append(f"proved: with {apart} at jumps, {widths}{when}")
+            apart = f"at most {float(limit)!r} apart" if limit < math.inf else ""
+            at = times_of_samples(design, apart)
+            sentences.append(f"proved: with samples {at}, {widths}{when}")
         proved += ["width", "sampled_width"]
     rate = Fraction(time(design.problem["observer"].get("decay_rate", 0)))
     demand((rate > 0) == ("decay_rate" in design.evidence), "decay_rate: option or claim is alone")
     for claim, shift in (("dwell_stability", Fraction(0)), ("decay_rate", rate)):
         if claim in design.vectors:
             shifted = total(F, identity(design.n), shift)
+            demand(H is not None and H != [], "a vector is proved over jumps")
             prove_vector(shifted, H or [], design.ends, design.evidence[claim])
             decay = f"decays like e^(-{float(shift)!r} t)" if shift else "tends to zero"
-            sentences.append(f"proved: with {y} at jumps, no inputs, the {quantity} {decay}{when}")
+            quiet = f"{y}, without disturbances and noise"
+            sentences.append(f"proved: {quiet}, the {quantity} {decay}{when}")
             proved += [claim, "hurwitz"] if high == math.inf else [claim]
     others = ascii(sorted({*design.evidence} - {*proved}))
-    return [*sentences, f"not checked: {others}, options, and any other word of the file"]
+    return [*sentences, f"not checked: {others}, {OTHERS}"]
 
 
 def step_limit(design: Design, evidence: Table) -> Time:

@@ -53,7 +53,7 @@ def test_its_sentences_are_its_own() -> None:
     code, text = answer(document)
     assert (code, text.splitlines()[1]) == (
         0,
-        "proved: with y measured continuously and at jumps, no inputs, the width of the bounds tends to zero, for every sequence of dwell times in [0.7, inf)",
+        "proved: with y measured continuously and at jumps, without disturbances and noise, the width of the bounds tends to zero, for every sequence of dwell times in [0.7, inf)",
     )
     code, text = answer(body("windows, jitter"))
     assert "[0.1, 2.0] that change by at most 0.2 at a time" in text

@@ -96,7 +96,7 @@ def test_a_bundle_from_the_command_line(tmp_path: Path) -> None:
     arguments = ["design", problem, "-o", str(tmp_path / "d.json"), "--bundle", str(tmp_path / "f")]
     answer = CliRunner().invoke(cli, arguments)
     assert answer.exit_code == 0
-    assert "check_design.py: not read: plants with other blocks" in answer.stderr
+    assert "check_design.py: not read: a block is not known" in answer.stderr
     assert (tmp_path / "f" / "design.json").read_text() == (tmp_path / "d.json").read_text()
 
 

@@ -33,13 +33,39 @@ def claimed(document: Any, name: str, **evidence: Any) -> Any:
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_when_it_holds(program: ModuleType) -> None:
-    for measured, y in (("continuous", "y measured continuously and at"), ("at_jumps", "y at")):
+    for measured, y in (("continuous", "continuously and at"), ("at_jumps", "at")):
         for high, end in (("inf", "inf)"), (3.0, "3.0]")):
             document = point_design(F, H, [0.5, high], PROOFS[program])
             document["problem"]["output"]["measured"] = measured
             first = lines(program, document)[0]
-            assert first.startswith(f"proved: with {y} jumps, no inputs, the error tends to zero")
+            assert first.startswith(
+                f"proved: with y measured {y} jumps, without disturbances and noise, the error "
+            )
             assert first.endswith(f"for every sequence of dwell times in [0.5, {end}")
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize(
+    ("measured", "y"), [("continuous", "continuously"), ("at_jumps", "at no time")]
+)
+def test_nothing_is_said_to_be_measured_at_jumps_where_it_is_not(
+    program: ModuleType, measured: str, y: str
+) -> None:
+    document = point_design(F, H, [0.5, 3.0], PROOFS[program])
+    document["problem"]["output"]["measured"] = measured
+    document["gains"].update(jump_measurement="none")
+    assert lines(program, document)[0].startswith(f"proved: with y measured {y}, without")
+
+
+def test_without_jumps_none_are_named_and_no_vector_is_proved() -> None:
+    first = lines(check_design, body("point, no jumps"))[0]
+    assert first.startswith("proved: with y measured continuously, without disturbances")
+    said = lines(check_widths, body("no jumps, widths"))
+    assert any(line.startswith("proved: with y measured continuously, the width") for line in said)
+    assert not any("jumps" in line for line in said)
+    vector = {"vector": [1.0, 1.0], "side": "left", "form": "before_jump"}
+    with pytest.raises(check_widths.NotProved, match="over jumps"):
+        lines(check_widths, claimed(body("no jumps, widths"), "dwell_stability", **vector))
 
 
 def test_how_fast_dwell_times_change() -> None:
@@ -56,7 +82,9 @@ def test_what_was_not_checked(program: ModuleType) -> None:
         document = point_design(F, H, [0.5, high], PROOFS[program])
         document["claims"] = [c for c in document["claims"] if c["id"] == "dwell_stability"]
         document = claimed(claimed(document, "hurwitz"), "spare")
-        assert lines(program, document)[-1].startswith(f"not checked: {rest}, options, and any")
+        assert lines(program, document)[-1].startswith(
+            f"not checked: {rest}, whether A, C, G, L, M, times"
+        )
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
@@ -82,7 +110,7 @@ def test_rates_of_a_schedule_and_without_jumps_are_not_checked() -> None:
         check_design,
         claimed(point_design(F, H, [0.5, 3.0], PROOFS[check_design]), "rates", **rates),
     )
-    assert "to at most 0.75 of itself and like e^(-0.125 t)" in proved[1]
+    assert "in a norm per window to at most 0.75 of itself and like e^(-0.125 t)" in proved[1]
     assert "'rates'" not in proved[-1]
     for name in ("schedule", "point, no jumps"):
         document = body(name)
