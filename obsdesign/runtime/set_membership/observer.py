@@ -184,7 +184,7 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         stages = self._stages.of_row(state, sample, row)
         fault, free = None, tape.box
         for stage in stages:
-            tape = self._predicted(tape, stage._replace(in_time=in_time))
+            tape = self._extended(tape, stage._replace(in_time=in_time))
             free, cut = tape.box, bounder.cut(tape)
             if cut is None:
                 fault = bounder.contradiction(tape).reason
@@ -192,6 +192,17 @@ class SetMembershipObserver(BoundsObserver[SetMembershipState]):
         if fault is not None:
             return self._restarted(free, fault)
         return self._bounded(tape, free, state.recent)
+
+    def _extended(self, tape: Tape, stage: Stage) -> Tape:
+        """The tape predicted to the end of a stage, which takes the place of an idle flow."""
+        predicted = self._predicted(tape, stage)
+        before = None if self.gains.fixed_lag is not None else tape.before_idle(stage)
+        if before is None:  # with fixed_lag every row needs its stage
+            return predicted
+        began = before.stages[-1].t
+        h, size = stage.t - began, max(abs(stage.t), abs(began))
+        joined = stage._replace(h=h, size=size).driven(self._tables.for_step(h, size))
+        return self._predicted(before, joined._replace(box=predicted.box))
 
     def _predicted(self, tape: Tape, stage: Stage) -> Tape:
         """The tape with one more stage, its box without the measurement."""

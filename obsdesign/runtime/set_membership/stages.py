@@ -76,6 +76,16 @@ class Stage(NamedTuple):
         """Is it a measurement alone, without any time since the stage before?"""
         return self.h == 0.0 and not self.jump
 
+    def continues(self, before: Stage) -> bool:
+        """Is it the flow of the stage before, which ended without a measurement?"""
+        return (
+            before.strip is None
+            and not (before.jump or self.jump)
+            and before.in_time == self.in_time
+            and np.array_equal(before.known, self.known)
+            and np.array_equal(before.radius, self.radius)
+        )
+
     def driven(self, table: Table) -> Stage:
         """The stage with the drift that its table gives, and any box."""
         drift, error = drift_of(table, self.known)

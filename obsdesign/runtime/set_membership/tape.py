@@ -42,6 +42,15 @@ class Tape(NamedTuple):
         """Times of all its measurements."""
         return tuple(stage.t for stage in self.stages if stage.strip is not None)
 
+    def before_idle(self, stage: Stage) -> Tape | None:
+        """The tape before its last stage, where a flow goes on without a sample in between.
+
+        None where it does not, or where the time before the last stage is not known.
+        """
+        if len(self.stages) < 2 or not stage.continues(self.stages[-1]):
+            return None
+        return Tape(self.start, self.stages[:-1], self.stages[-2].box)
+
     def widest_place(self) -> tuple[int, float] | None:
         """The first stage, -1 the start, behind which the state was uselessly wide; None if none.
 
