@@ -238,6 +238,7 @@ ANY = {
     "obsdesign.checker.check_design": "JSON of a design, read by what needs nothing else",
     "obsdesign.checker.check_events": "the same",
     "obsdesign.checker.check_gains": "the same",
+    "obsdesign.checker.check_sets": "the same",
     "obsdesign.checker.check_uncertain": "the same",
     "obsdesign.checker.check_widths": "the same",
     "obsdesign.equations.stored": "declarations of fields",

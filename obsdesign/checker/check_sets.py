@@ -93,10 +93,6 @@ class Ball:
         self.x = x
         self.radius = radius
 
-    def transpose(self) -> "Ball":
-        """X'."""
-        return Ball(transposed(self.x), self.radius)
-
     def plus(self, other: "Ball") -> "Ball":
         """X + Y: radii add."""
         rows = [[a + b for a, b in zip(*pair)] for pair in zip(self.x, other.x)]
@@ -562,10 +558,11 @@ def step_maps(design: Design, step: Step, pieces: Sequence[int]) -> List[StepMap
 
 
 def piece_counts(design: Design, h: Fraction) -> List[int]:
-    """A power of two: the least that is at least 4 N h, at most 32, N the norm of A in its units.
+    """Numbers of pieces of a step h: the least power of two >= 4 N h, or 32 if that is less.
 
-    The observer knows h by time stamps alone: a length nearby may have another number. It is found
-    in floats, as by the observer: it is no part of a proof, and the answer states it.
+    N: the largest column sum of |A|, in the units above. The observer knows h by time stamps alone:
+    a length nearby may have another number. It is found in floats, as by the observer: it is no
+    part of a proof, and the answer states it.
     """
     norm_of_A = max(sum(abs(float(a)) for a in column) for column in zip(*design.A))
     wanted = [4 * norm_of_A * float(h) * (1 + e) for e in (-2e-6, 2e-6)]
@@ -753,11 +750,12 @@ def prove_design(design: Design) -> List[str]:
     ]
 
 
-def main(path: str) -> int:
+def main(*paths: str) -> int:
     """Check one design file, print the answer, return the exit code."""
     code = 2
     try:
-        with open(0 if path == "-" else path, "rb") as file:
+        demand(len(paths) == 1, f"one design file is due. {__doc__}")
+        with open(0 if paths == ("-",) else paths[0], "rb") as file:
             design = Design(file.read().decode("utf-8"))
         code = 1
         print("\n".join(prove_design(design)))
@@ -769,4 +767,4 @@ def main(path: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]) if len(sys.argv) == 2 else __doc__)
+    sys.exit(main(*sys.argv[1:]))

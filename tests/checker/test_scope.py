@@ -12,10 +12,12 @@ from obsdesign.checker import (
     check_design,
     check_events,
     check_gains,
+    check_sets,
     check_uncertain,
     check_widths,
 )
 from tests.checker.test_check_events import document as clocked
+from tests.checker.test_check_sets import document as in_sets
 from tests.systems.checked import (
     CHECK_GAINS,
     FOLDER,
@@ -28,7 +30,7 @@ from tests.systems.checked import (
 from tests.systems.designs import designed
 
 RADIUS = [[0.1, 0.0], [0.0, 0.0]]
-PROGRAMS = (check_design, check_widths, check_gains, check_uncertain, check_events)
+PROGRAMS = (check_design, check_widths, check_gains, check_uncertain, check_events, check_sets)
 
 
 def not_checked(document: Any) -> set[str]:
@@ -120,6 +122,8 @@ def test_evidence_that_no_proof_reads_is_finite_too(program: Any, value: str) ->
         document = uncertain(RADIUS) if program is check_uncertain else body("cooperative")
         if program is check_events:
             document = clocked("no events")
+        if program is check_sets:
+            document = in_sets("samples")
         assert exit_code(signed_with(document, entry), program) == code
 
 

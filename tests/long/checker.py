@@ -23,13 +23,14 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from obsdesign.checker import check_design, check_events, check_gains, check_widths
+from obsdesign.checker import check_design, check_events, check_gains, check_sets, check_widths
 from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import load_for_kind
 from tests.systems.checked import PROBLEMS, exit_code
 from tests.systems.interval import FORMS, random_problem
+from tests.systems.random_sets import random_set_problem
 
 ROOT = Path(__file__).parents[2]
 SIGNS = {"consistent", "flow_positive", "jump_positive"}
@@ -38,16 +39,17 @@ WIDTHS = {"width", "sampled_width"}
 # claims of each program, of a design that it accepts
 SCOPES = {check_design: SIGNS | STABILITY, check_widths: SIGNS | WIDTHS}
 CLOCKS = {"event_stability", "event_width"}
-SCOPE = set.union(*SCOPES.values(), CLOCKS)
+SETS = {"width", "optimal"}
+SCOPE = set.union(*SCOPES.values(), CLOCKS, SETS)
 # entries of evidence that `verify` reads and the programs work out, or do without
 UNREAD = {"edges", "cells"}
 SECONDS = 20.0
 
 
 def problems(count: int) -> Iterator[tuple[str, obsdesign.Problem]]:
-    """Examples, plants of the tests, then random ones of both kinds."""
+    """Examples, plants of the tests, then random ones of three kinds."""
     for path in sorted((ROOT / "examples").glob("*.toml")):
-        for kind in ("interval", "luenberger"):
+        for kind in ("interval", "luenberger", "set_membership"):
             try:
                 problem = load_for_kind(str(path), kind)[0]
             except InputError:
@@ -62,6 +64,7 @@ def problems(count: int) -> Iterator[tuple[str, obsdesign.Problem]]:
             yield f"{form} {seed}", random_problem(form, rng)
         else:
             yield f"point {seed}", random_point_problem(rng)
+        yield f"sets {seed}", obsdesign.Problem.from_dict(random_set_problem(rng))
 
 
 def random_point_problem(rng: np.random.Generator) -> obsdesign.Problem:
@@ -90,6 +93,9 @@ def accepted(document: dict[str, Any]) -> set[str]:
     if "sensor" in document["problem"]:  # clocks of their own: one program, which reads the gains
         scope = {"event_stability"} if document["problem"].get("event") else CLOCKS
         return set() if exit_code(document, check_events) else scope
+    if document["kind"] == "set_membership":  # the same
+        claimed = {claim["id"] for claim in document["claims"]}
+        return set() if exit_code(document, check_sets) else SETS & claimed
     if exit_code(document, check_gains):
         return set()
     claims = set[str]()
@@ -118,7 +124,7 @@ def met_by_verify(document: dict[str, Any], scope: set[str]) -> str:
 def make_designs(folder: Path, count: int) -> None:
     """Keep the proved designs of the scope in a folder, and print who accepts them, how fast."""
     folder.mkdir(exist_ok=True)
-    rows: dict[int, list[tuple[float, float, float]]] = {}
+    rows: dict[tuple[str, int], list[tuple[float, float, float]]] = {}
     tally: Counter[str] = Counter()
     for name, problem in problems(count):
         try:
@@ -130,16 +136,18 @@ def make_designs(folder: Path, count: int) -> None:
             continue
         document = json.loads(json.dumps(outcome.design.to_dict()))
         start = time.perf_counter()
-        code = exit_code(document, check_design)
+        is_sets = document["kind"] == "set_membership"
+        code = exit_code(document, check_sets if is_sets else check_design)
         middle = time.perf_counter()
         widths = exit_code(document, check_widths)
         end = time.perf_counter()
         if code == widths == 2:
             tally["out of scope"] += 1
             continue
-        assert met_by_verify(document, SCOPE) == "accepted by both"
+        assert met_by_verify(document, SETS if is_sets else SCOPE) == "accepted by both"
         each = (middle - start, end - middle, time.perf_counter() - end)
-        rows.setdefault(problem.plant.n, []).append(each)
+        first = "check_sets" if is_sets else "check_design"
+        rows.setdefault((first, problem.plant.n), []).append(each)
         is_accepted = bool(accepted(document))
         tally["accepted" if is_accepted else "not accepted"] += 1
         tally["widths"] += widths == 0
@@ -147,10 +155,10 @@ def make_designs(folder: Path, count: int) -> None:
             print(f"not accepted: {name}", flush=True)
         (folder / f"{name.replace(' ', '_')}.json").write_text(json.dumps(document), "utf-8")
     print(dict(tally))
-    print("n, designs, check_design, check_widths, verify: median / max (seconds)")
-    for n, times in sorted(rows.items()):
+    print("program, n, designs, program, check_widths, verify: median / max (seconds)")
+    for key, times in sorted(rows.items()):
         columns = (f"{np.median(each):.2g} / {each.max():.2g}" for each in np.array(times).T)
-        print(n, len(times), *columns)
+        print(*key, len(times), *columns)
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

@@ -1,6 +1,6 @@
 """Change the source of the checkers, one expression at a time: a test of theirs must fail.
 
-python -m tests.long.checker_source PROGRAM [FUNCTION...]   check_design, check_widths, check_events
+python -m tests.long.checker_source PROGRAM [FUNCTION...]   check_design, check_widths, check_events, check_sets
 
 The tests of the program are collected and run once, with their lines; then a process of its own
 for each mutant runs those that run its lines, the quickest first, up to the first that fails, or
@@ -55,6 +55,7 @@ TESTS = {
         "test_check_widths.py",
     ),
     "check_events": ("test_event_steps.py", "test_traps.py", "test_check_events.py"),
+    "check_sets": ("test_check_sets.py",),
 }
 # functions whose words only the output of the program shows
 SPEAKING = ("main", "prove_design", "prove_rates", "prove_width", "listed")
