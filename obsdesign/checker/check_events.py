@@ -30,7 +30,12 @@ for every entry i one strategy has all its passages strictly below v_i, then eve
 goes on, below v. For let m >= 1 be the largest ratio of w to v so far: flow, events and samples
 take m v to at most m times what they make of v (f, h, V >= 0), at most m (1 - e) v with one e > 0
 for all passages: the next ratio is at most the larger of 1 and m (1 - e). With f = h = V = 0 the
-same holds for every m > 0: w tends to zero.
+same holds for every m > 0: w tends to zero. Passages that take no time do no harm: from a mark a
+few of them lead to nodes that only a mark before it leads to, so that m shrinks once per mark.
+Between marks w is bounded, since the time to the next is, or else w decays by itself. If `every`
+begins at 0, marks may be many in a short time: the claim is then about their number.
+
+A row is a time at which several events happen, in any order; a gain M acts at its first event.
 
 The graph is made here, from the problem; the file proposes a v for each of its nodes.
 
@@ -201,7 +206,9 @@ class PositiveFlow:
     def is_below(self, start: Vector, i: int, limit: Fraction, ends: Range) -> bool:
         """Prove u_i(t) < limit for the path from u(0) = start >= 0 and all t of a range.
 
-        A range that one box does not prove is halved; False where it fails at an end.
+        A range that one box does not prove is halved; False where it fails at an end. For an
+        infinite range the start is raised by limit / 2^20, so that u(low) > 0: a larger start makes
+        u larger, and proves more.
         """
         low, high = ends
         y = [*start, Fraction(1)]
@@ -744,8 +751,9 @@ def prove_still(system: WidthMaps, v: Vector) -> None:
     """The graph of a plant without events: one node, all times, at which w is below v.
 
     Entry i is below v_i where (W v + f)_i < 0, the others being at most v: from v_i it falls. Or a
-    time ago w was at most v, and all entries flow. Or a sensor had a sample at most its gap ago:
-    from what that makes of v all entries flow, or i alone does, the others being at most v.
+    time ago (`span`; any serves) w was at most v, and all entries flow. Or a sensor had a sample at
+    most its gap ago: from what that makes of v all entries flow, or i alone does, the others being
+    at most v.
     """
     gaps = {s: system.design.sensors[s].gap for s in system.design.counted}
     times = [*gaps.values(), *(1 / -row[i] for i, row in enumerate(system.W) if row[i] < 0)]
