@@ -371,6 +371,7 @@ class Design:
             pairs = [[-b, b] for b in array(stated, "p", sizes)]
         V = array(self.gains["noise_bound"], "p", sizes)
         centre = array(self.gains.get("noise_centre", [0.0] * len(V)), "p", sizes)
+        self.least_V = [(high - low) / 2 for low, high in pairs]
         for (low, high), c, r in zip(pairs, centre, V):
             slack = 0 if low == -high else max(abs(low), abs(high)) / 2**40
             fits = low <= high and c - r <= low and high <= c + r and 2 * r <= high - low + slack
@@ -416,7 +417,8 @@ class Pattern:
         low, high, period = *design.dwell, design.period
         jump = Step(Fraction(0), True, when == "after", True)
         if measured == "at_jumps":
-            demand(design.G is not None and low > 0, "jumps, or their shortest time, are missing")
+            is_sampled = design.G is not None and low > 0 and when != "none"
+            demand(is_sampled, "jumps, their shortest time or the samples at them are missing")
             self.cycle, stage = [Step(low, False, when == "before", False), jump], low
             self.words = f"a sample and a jump every {float(low)!r}"
         else:
@@ -659,6 +661,7 @@ def prove_width(design: Design, pattern: Pattern, evidence: Table) -> Tuple[Vect
     widths = [2 * max(column) for column in transposed(tube)]
     demand(all(a <= b for a, b in zip(widths, always)), "the width is below the tube")
     pieces = [] if design.dt is not None else piece_counts(design, pattern.cycle[0].h)
+    demand(all(a > 0 for row in tube for a in row), "the tube is not positive")
     scaled = [[s * a for s, a in zip(design.scales, row)] for row in tube]
     for v, (start, M, k) in zip(scaled, row_maps(design, pattern, pieces)):
         after = [dot(row, scaled[start]) + a for row, a in zip(M, k)]
@@ -702,7 +705,7 @@ def distance(
         if size:
             e = e.plus(step.F0.times(ball([[a * b] for a, b in zip(parts, step.radius)])))
         parts = parts[size:]
-        for (y,), V, is_zero in zip(tops(C.times(e)) if sampled else (), design.V, silent):
+        for (y,), V, is_zero in zip(tops(C.times(e)) if sampled else (), design.least_V, silent):
             if y > V * largest * unit and not is_zero:
                 if not V:
                     return Fraction(0)
@@ -741,7 +744,10 @@ def prove_design(design: Design) -> List[str]:
         demand(shown, "the trajectories do not show the least widths")
         demand(all(a <= b for a, b in zip(least, always)), "two proofs contradict each other")
         down = tuple(float(a * (1 - Fraction(1, 2**50))) for a in least)
-        sentences.append(f"{when}: no observer can guarantee widths after all rows below {down}")
+        sentences.append(
+            f"{when}: no observer can guarantee, from the samples up to a row, "
+            f"widths after all rows below {down}"
+        )
         proved.append("optimal")
     others = ascii(sorted({*design.evidence} - {*proved}))
     return [

@@ -421,3 +421,27 @@ def test_what_it_shares_is_the_same_text() -> None:
     differing = {name for name in shared if own[name] != other[name]}
     assert differing == {"Design", "prove_width", "prove_design"}
     assert {"Ball", "exponential", "array", "number", "main"} <= shared
+
+
+@pytest.mark.parametrize("rows", [slice(None), slice(1, None)], ids=["all rows", "one row"])
+def test_a_tube_below_zero_bounds_nothing(rows: slice) -> None:
+    """Without multipliers the state expands: half widths of -1e6 come back as lower ones."""
+    body = json.loads(json.dumps(designed(_plant(
+        {"A": [[1.0]], "disturbance": _box(1.0)}, _output(C=[[1.0]], noise_bound=[0.1]),
+        jump={"G": [[2.0]], "dwell_time": [0.2, 0.2]},
+    )).to_dict()))  # fmt: skip
+    assert exit_code(body, check_sets) == 0
+
+    def change(d: dict[str, Any]) -> None:
+        for table in d["gains"]["multipliers"][rows]:
+            table[:] = _scaled(table, 0.0)
+        tube = evidence(d, "width")["tube"]
+        for row in tube[rows]:
+            row[:] = [-1e6]
+        evidence(d, "width")["always"] = [2 * max(row[0] for row in tube)]
+        d["claims"] = [claim for claim in d["claims"] if claim["id"] != "optimal"]
+
+    forged = changed(body, change)
+    assert exit_code(forged, check_sets) == 1
+    verdicts = {claim.id: claim.verdict for claim in obsdesign.verify(from_dict(forged)).claims}
+    assert verdicts["width"] == "undecided"

@@ -53,6 +53,8 @@ def _proof(
         sampled = np.array([step.sampled for step in window])
         if mu[:, ~sampled].any():
             return undecided("gains.multipliers has entries where the pattern has no sample")
+    if not (tube > 0).all():  # below 0 an expanding map would lead further down
+        return undecided("the tube is not positive")
     with precision(WIDTH_BITS):
         rows = enclosed_rows(gains, pattern, multipliers)
         radii = exact(tube)
