@@ -120,7 +120,9 @@ def test_silence_narrows(kind: str) -> None:
     plain = widths(estimates(design_of(kind, without_change(SPRING)), rows))
     if kind == "interval":  # the search for multipliers promises no order
         assert (narrowed <= plain * (1 + 1e-9)).all()
-    assert narrowed.mean() < 0.8 * plain.mean()
+    # rows without a sample use up nothing of the window, which narrows the plain bounds too
+    most = {"interval": 0.8, "set_membership": 0.85}[kind]
+    assert narrowed.mean() < most * plain.mean()
 
 
 @pytest.mark.parametrize("kind", KINDS)
