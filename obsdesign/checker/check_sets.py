@@ -256,6 +256,8 @@ class Design:
         is_design = body["format"] == "obsdesign/design" and repr(body["version"]) == "1"
         demand(is_design and body["kind"] == "set_membership", "no design of this kind")
         self.gains, self.problem = body["gains"], body["problem"]
+        is_named = type(body["name"]) is str and body["name"] == self.problem["name"]
+        demand(is_named, "the design and its problem have different names")
         demand({*self.problem} <= {"name", "names", *PROBLEM}, "a block is not known")
         for place, names in PROBLEM.items():
             unknown = {*self.problem.get(place, {})} - {*names.split()}
@@ -365,6 +367,8 @@ class Design:
         A centre is rounded, and V for it is rounded up: by less than 2^-40.
         """
         stated, sizes = output["noise_bound"], self.sizes
+        for name in ("noise_std", "noise_cv"):
+            demand(min(array(output[name], "p", sizes)) >= 0, f"output.{name} is negative")
         if any(type(entry) is list for entry in stated):
             pairs = array(stated, "p2", {**sizes, "2": 2})
         else:

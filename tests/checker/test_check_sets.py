@@ -16,6 +16,7 @@ import obsdesign
 from lmi.arithmetic.units import balance
 from obsdesign.analysis.set_membership.enclosed import upper_rows
 from obsdesign.analysis.set_membership.pieces import pieces_of
+from obsdesign.bundle import write_bundle
 from obsdesign.checker import check_events, check_sets
 from obsdesign.design_file import from_dict
 from obsdesign.equations.set_membership.gains import SetMembershipGains
@@ -187,6 +188,8 @@ WRONG: list[tuple[str, str, Change]] = [
     ("before", "fewer windows", lambda d: d["gains"]["multipliers"].pop()),
     ("before", "their order", lambda d: d["gains"]["multipliers"].reverse()),
     ("before", "where nothing is sampled", unsampled),
+    ("samples", "a deviation of no sign", entry("problem", "output", "noise_std", value=[-1.0])),
+    ("samples", "one that is a word", entry("problem", "output", "noise_cv", value=["none"])),
     ("samples", "a longer window", in_gains("window", value=9)),
     ("samples", "another one of the problem", entry("problem", "observer", "window", value=7)),
     ("samples", "other directions", in_gains("directions", value=[[1.0, 1.0]])),
@@ -283,6 +286,8 @@ UNREAD: list[tuple[str, Change]] = [
     ("its rate", entry("problem", "flow", "d_bounds", value=_box(1.0) | {"rate": [1.0]})),
     ("impulses of unknown weights", entry("problem", "jump", "H", value=[[1.0], [0.0]])),
     ("another kind", entry("kind", value="interval")),
+    ("another name", entry("name", value="any")),
+    ("a name that is no text", lambda d: [x.update(name=1) for x in (d, d["problem"])]),
     ("no claim of this program", lambda d: d["claims"].clear()),
     ("a claim twice", lambda d: d["claims"].append(d["claims"][-1])),
 ]
@@ -308,6 +313,12 @@ def test_verify_agrees_with_what_is_refused() -> None:
     assert "checker" in {claim.id for claim in outcome.claims}
     for change in (tube(1 - 1e-5), multiplied(0.5), louder):
         assert obsdesign.verify(from_dict(changed(body, change))).verdict != "proved"
+
+
+def test_a_bundle_has_this_program_alone(tmp_path: Path) -> None:
+    answers = write_bundle(from_dict(document("before")), tmp_path)
+    assert [(each.program.name, each.code) for each in answers] == [("check_sets.py", 0)]
+    assert "check_sets.py       proves" in (tmp_path / "README.txt").read_text("utf-8")
 
 
 # what `verify` computes --------------------------------------------------------------------------
